@@ -1,4 +1,4 @@
-"""``batch``: many pairs of files, evaluated, stored and tabulated."""
+"""``batch``: evaluates many pairs of truth and estimate, stores the results and tabulates them."""
 
 import functools
 import json
@@ -66,25 +66,26 @@ if TYPE_CHECKING:
     from tgospa_eval.show.chart_list import Pictures
 
 IN_MEMORY = "in memory"
-"""Text that a store keeps in place of a path."""
+"""Text that a store keeps in place of a path, if the data were in memory."""
 
 REPORT_FOLDER = "reports"
 
 FAULTS_SHOWN = 10
-"""Faults that are shown."""
+"""Largest number of faults that are shown."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
-"""Options that say which steps count; they replace the steps that a benchmark declares."""
+"""Options that choose the evaluated steps. With one of them, the steps that a benchmark declares
+are not used."""
 
 FLUSH, SHARE = 2.0, 0.01
-"""Rows are written after `FLUSH` seconds, or after the share `SHARE` of the time so far if that is
-longer. A killed process loses no more work than that."""
+"""Time between two writes of rows: `FLUSH` seconds, or the share `SHARE` of the time so far if that
+is longer. A killed process loses no more work than that."""
 
 MAX_PENDING_STEPS = 200_000
-"""Steps that are kept in memory until they are written, about 30 MB."""
+"""Number of steps, about 30 MB, that can be in memory until they are written."""
 
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
-"""Columns that are 0 if there was nothing to evaluate."""
+"""Columns with the numbers of states; both are 0 if there was nothing to evaluate."""
 
 OF_ONE = ("by", "jobs", *OF_EVALUATE)
 """Options of a single evaluation that `batch` lacks or has in another form."""
@@ -94,22 +95,23 @@ Notify = Callable[[str], object]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Batch(StudyReport):
-    """Result of `batch`; it prints as the table of the command.
+    """Result of `batch`; ``print`` shows the table of ``tgospa-eval batch``.
 
     Parameters
     ----------
     tables : BatchTables
-        Sums of groups, and their order.
+        Rows of jobs, sums of groups, and the ranking of the groups.
     faults : tuple of str
         Errors of jobs, one line each.
     store : Store
         The store with the rows of jobs.
     page : bool
-        Whether the page must be written. It need not be for a shard, or if no job is new.
+        Whether the HTML page must be written: never for a shard, and only if jobs are new, an
+        option changes the page, or there is no page.
     notices : tuple of str
         Further messages for the user.
     status : int
-        Exit status.
+        Exit status of the command.
     """
 
     tables: BatchTables
@@ -126,7 +128,7 @@ class Batch(StudyReport):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each kind of warning about data, and warnings about the ranking."""
+        """A line for each kind of warning about the data, and each warning about the ranking."""
         return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
@@ -141,7 +143,7 @@ class Batch(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of trackers: its proven order, and the test of the difference."""
+        """A row for each pair of trackers: the proven order, and a test of their difference."""
         import pandas as pd  # lazy: slow to import
 
         rankings = self.tables.rankings
@@ -151,7 +153,10 @@ class Batch(StudyReport):
 
     @property
     def curves(self) -> "pd.DataFrame":
-        """A row for each group, kind of curve and time, as in ``curve.csv``; needs `per_step`."""
+        """A row for each group, kind of curve and time, as in ``curve.csv``.
+
+        The table is empty unless steps are stored, as with `per_step`.
+        """
         return as_frame(curves_columns(self.tables.curves))
 
     @property
@@ -161,15 +166,15 @@ class Batch(StudyReport):
 
     @property
     def kind(self) -> str:
-        """A batch."""
+        """``"batch"``."""
         return "batch"
 
     def table(self) -> "pd.DataFrame":
-        """Return a row for each group, as `groups`."""
+        """Return a row for each group: the table `groups`."""
         return self.groups
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report in a ``--format``, with the columns of ``--columns-of-table``."""
+        """Return the report in a format that ``--format`` accepts, with these columns."""
         return batch_report(replace(self.tables, columns=checked_columns(columns)), format)
 
     def plot_parts(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -177,15 +182,15 @@ class Batch(StudyReport):
         return self._plot("parts", **options)
 
     def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot the value per step of each job, by the labels."""
+        """Plot a coloured cell for each job, its value per step, in a grid by the labels."""
         return self._plot("heat", **options)
 
     def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot RMS-TGOSPA over time of each group, with bands."""
+        """Plot a curve with a band for each group: RMS-TGOSPA over time."""
         return self._plot("curve", **options)
 
     def plot_curve_parts(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot the parts of RMS-TGOSPA over time."""
+        """Plot the parts of RMS-TGOSPA over time, such as localisation and missed targets."""
         return self._plot("curve-parts", **options)
 
     def plot_over_time(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -230,20 +235,26 @@ def batch(
         trackers. For data in memory: the truth, and the estimate.
     output : str or path, optional
         Folder of the store. Without it, rows are only returned.
-    truth, estimate : str, or sides in memory, optional
-        Instead of `paths`, patterns with fields: ``"gt/{run}.csv"``. Or runs in memory: a list of
-        sides as for `evaluate`; an array (runs, T, k, d) with T steps, k trajectories and d state
-        columns, or a pair of times and such an array; or a table with a column ``run``. The truth
-        may be one side for all runs; the estimate may be a mapping from tracker to runs. Jobs of
-        runs have the labels ``tracker`` and ``run``.
+    truth, estimate : str, or data in memory, optional
+        Instead of `paths`, patterns with fields, such as ``"gt/{run}.csv"``; or data in memory. The
+        data of several runs are one of the following:
+
+        - a list with the data of each run, as for `evaluate`
+        - an array (runs, T, k, d) with T steps, k trajectories and d state columns
+        - a pair of times and such an array
+        - a table with a column ``run``
+
+        For the truth, the data of a single run are also accepted; they are then the truth of all
+        runs. For the estimate, a mapping from the name of a tracker to its runs is also accepted.
+        Jobs of data in memory have the labels ``tracker`` and ``run``.
     mapping : sequence of int, or pair of such, optional
-        Components to compare in runs in memory, as in `evaluate`.
+        Components to compare, for data in memory, as in `evaluate`.
     layout : {"motchallenge", "kitti"}, optional
-        Layout of the two folders.
+        Layout of the folders of the truth and of the trackers.
     seqmap : str or path, optional
         File with the sequences of a layout to evaluate.
     by : str or iterable of str
-        Labels by which rows are added up; by default the first label.
+        Labels that define the groups, whose rows are added up; by default the first label.
     workers : int, optional
         Number of processes; by default the number of cores.
     scheduler : str, optional
@@ -251,31 +262,34 @@ def batch(
     allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
         Options of the command with the same names.
     band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
-        Bands around the curves of `per_step`.
+        Kind of bands around the curves over time, which need `per_step`.
     over : {"start", "stamps"}, optional
         Time axis of the curves: time since the start of each run, or timestamps.
     with_, slices : str or iterable of str
         Other metrics and slices, as in `evaluate`.
 
-    Options of evaluations must be texts or numbers, which the store can keep; records, matrices and
-    tables are refused.
+    Options of evaluations must be texts or numbers, because the store keeps them. Objects such as
+    distances, matrices and tables are refused.
 
     Returns
     -------
     Batch
-        `Batch.rows` and `Batch.groups` are DataFrames.
+        The rows of the jobs and the sums of the groups, as the DataFrames `Batch.rows` and
+        `Batch.groups`.
 
     Warns
     -----
     TgospaWarning
-        `allow_missing` is true and files are missing; or the page cannot be written.
+        Data look wrong; files are missing although `allow_missing` is true; or the HTML page cannot
+        be written.
 
     Raises
     ------
     ConfigError, InputError
-        An option or the manifest is wrong, or files are missing; no job is begun.
+        An option or the manifest is wrong, or files are missing: then no job is started. Or the
+        data are in memory, and all jobs failed.
     """
-    given = dict(locals())  # before any other local variable: the options of batch by their names
+    given = dict(locals())  # in the first line, so that these are only the parameters
     chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
     evaluation = {
         **typed(chosen, "batch"),
@@ -321,7 +335,7 @@ def batch(
     if done.page and output is not None:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
-        except ConfigError as error:  # the rows are stored already
+        except ConfigError as error:  # no failure of the batch: all rows are stored
             messages.append(f"the page was not written: {error}")
     messages += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=text) for text in messages])
@@ -329,11 +343,14 @@ def batch(
 
 
 # -------------------------------------------------------------------------------------------------
-# Jobs from the options of a batch, without those that are done.
+# From the options of a batch to its jobs, and to the rows of those that are not done yet.
 
 
 def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
-    """Return the labels of --by, each once; the name of a label may have commas."""
+    """Return the labels that ``--by`` names, each once.
+
+    A text with commas names several labels, unless it is itself one of the `known` labels.
+    """
     names = [
         name
         for text in by
@@ -346,12 +363,14 @@ def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
 def evaluate_batch(
     paths: tuple[str, ...], batch: BatchOptions, notify: Notify, plan: BatchPlan | None = None
 ) -> Batch:
-    """Evaluate the jobs of the options, or of a plan, that are not stored yet.
+    """Evaluate the jobs that are not stored yet, and return the result of all jobs.
+
+    The jobs are those of `plan`, or by default those that `paths` and the options name.
 
     Raises
     ------
     TgospaError
-        An option, the manifest or the store is wrong; no job is begun.
+        An option, the manifest or the store is wrong. No job is started.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
     _check_options(batch)
@@ -402,12 +421,12 @@ def evaluate_batch(
 
 
 def _check_options(batch: BatchOptions) -> None:
-    """Check that the options go together.
+    """Check that the options of a batch do not contradict each other.
 
     Raises
     ------
     ConfigError
-        Options contradict each other, or an option has no effect.
+        Options contradict each other, or an option has no effect without another one.
     """
     options = batch.evaluation
     if batch.proof and not batch.reports:
@@ -430,7 +449,7 @@ def _check_options(batch: BatchOptions) -> None:
 
 
 def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
-    """Return the options as a store keeps them."""
+    """Return the JSON document with the options of a batch that its store keeps."""
     options = batch.evaluation
     return {
         "schema": SCHEMA,
@@ -450,7 +469,13 @@ def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
 
 
 def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
-    """Return the jobs that the arguments name in one of three ways."""
+    """Return the jobs, which a layout, two patterns or a manifest names.
+
+    Raises
+    ------
+    ConfigError
+        It is not exactly one of the three.
+    """
     options, output = batch.evaluation, batch.output
     if batch.layout:
         if len(paths) != 2:
@@ -475,7 +500,7 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
 
 
 def _within(job: Job, time: str | None) -> Job:
-    """Return the job with only the frames that are within --time.
+    """Return the job with only those of its frames that are within ``--time``.
 
     Raises
     ------
@@ -491,12 +516,12 @@ def _within(job: Job, time: str | None) -> Job:
 
 
 def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None:
-    """List what is missing; without --allow-missing no job is begun.
+    """Report the missing files of a plan; without ``--allow-missing``, they are an error.
 
     Raises
     ------
     ConfigError
-        Something is missing without --allow-missing, or there are no jobs.
+        Files are missing without ``--allow-missing``, or there are no jobs.
     """
     lines = [*plan.faults[:FAULTS_SHOWN]]
     if len(plan.faults) > FAULTS_SHOWN:
@@ -518,7 +543,7 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """Return the number of a shard and the count of all shards.
+    """Return K and N of the text K/N: which shard it is, counted from 1, and of how many shards.
 
     Raises
     ------
@@ -533,7 +558,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask]:
-    """Yield the jobs with their keys and options; jobs without own options share one record."""
+    """Yield the task of each job: the job with its options and the key of its row."""
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(batch_row.digest_of)
@@ -575,8 +600,8 @@ def _left_over(
 ) -> Iterator[batch_row.JobTask]:
     """Yield the tasks that are not done, and tasks that lack requested steps, curves or folders.
 
-    A new row replaces the old row of its task. If the old row has steps or a curve, these are
-    therefore stored again.
+    The new row of a task replaces its row in `before`. If steps or a curve are stored with that
+    row, they are requested again, so that they are not lost.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -598,13 +623,16 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Return the bytes of both files; large jobs begin first, so that none runs alone at last."""
+    """Return the bytes of both files, by which tasks are sorted.
+
+    Large tasks are started first, so that the last process does not end much later than the others.
+    """
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
 
 def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: Notify) -> list[Row]:
-    """Do the jobs, and store their rows every now and then, also when interrupted.
+    """Do the tasks, and store their rows from time to time and at the end, even if interrupted.
 
     Returns
     -------
@@ -644,20 +672,21 @@ def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: No
                     f"{(len(tasks) - done) / rate:.0f} s left"
                 )
     finally:
-        rows.close()  # ends the work, as nobody takes its answers
+        rows.close()  # after an error or an interruption, this ends the work of all processes
         store.add(pending)
     return faults
 
 
 def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:
-    """Yield a line for each job that has no value or lacks a requested output.
+    """Yield a line for each job that failed, and for each result folder that was not written.
 
     Parameters
     ----------
     rows : DataFrame
         Stored rows of the jobs.
     faults : sequence of Row
-        Jobs that failed in this run; the store may have an older row of them.
+        Rows of jobs that failed in this run. If such a job has an older row with a value, the store
+        keeps that row.
     written : bool
         Whether result folders were requested.
     """
@@ -673,7 +702,7 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:
-    """Yield a message if times of rows are not among the declared steps."""
+    """Yield a message if data were left out because their times are not declared steps."""
     counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
     some = done[(counts > 0).any(axis=1)].to_dict("records")
     if some:
@@ -686,7 +715,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
 
 
 def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
-    """Return the tables by the labels of ``--by``, or by the first label, with stored curves."""
+    """Return the tables of the groups by ``--by``, or by the first label, and the stored curves."""
     requested = grouped(batch.by, label_names(rows))
     by = requested or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
@@ -697,7 +726,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
         curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
-    # Without --by there is nothing to compare.
+    # Without --by, nobody asked for a comparison: reasons for a missing ranking are not shown.
     settings = store.settings()
     used = settings.get("settings_file")
     notes = (
@@ -710,11 +739,11 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
 
 
 # -------------------------------------------------------------------------------------------------
-# The files of a batch: its page, pictures and curves.
+# The files that a batch writes: its HTML page, pictures and tables.
 
 
 def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
-    """Return the result folder of a job, which its labels and options determine."""
+    """Return the path of the result folder of a job in a store: its labels, then its options."""
     parts = [folder_name(as_unicode(value)) for value in labels.values()]
     parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
     return os.path.join(store, REPORT_FOLDER, *parts)
@@ -727,7 +756,7 @@ def batch_files(
     wanted: "Pictures | None" = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> Files:
-    """Return the files of the report by name.
+    """Return the content of the files of the report, by the name of the file.
 
     Parameters
     ----------
@@ -740,12 +769,12 @@ def batch_files(
     wanted : Pictures, optional
         Requested pictures.
     notify : callable
-        Callable that receives the name of the next file and the share of the work that is done.
+        Function that receives the name of the next file and the share of the work that is done.
     """
-    from tgospa_eval.show.html import batch_page  # lazy: only where it is written
+    from tgospa_eval.show.html import batch_page  # lazy: shards write no page
 
     def link(row: Mapping[Any, Any]) -> str:
-        """Return the link from the page to the report of a job; nothing if there is none."""
+        """Return the link from the page to the report of a job; an empty text without report."""
         labels = {name: str(row[LABEL + name]) for name in label_names(tables.rows)}
         folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
         report = Path(folder, "report.html")
@@ -762,6 +791,6 @@ def batch_files(
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.show.chart_list import pictures  # lazy: it draws
+    from tgospa_eval.show.chart_list import pictures  # lazy: slow to import
 
     return files | pictures("batch", tables, wanted, notify)

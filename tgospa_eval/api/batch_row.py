@@ -1,4 +1,4 @@
-"""Work of a worker process: one job, from its files to a row of a store or of a gate."""
+"""Evaluation of one job in a worker process: from its files to a row, for a batch or a gate."""
 
 import hashlib
 import json
@@ -31,21 +31,22 @@ from tgospa_eval.quoting import as_unicode, option
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
 
 SMALL = 1 << 20
-"""Largest size of a file that is read at once for its digest."""
+"""Number of bytes of a file that are read at once for its digest; the rest is read in blocks."""
 
 NOT_WRITTEN = "not_written"
-"""Column with the reason why a folder could not be written; the next run tries again."""
+"""Column with the reason why a result folder could not be written. The next run tries again."""
 
 UNSEEN = "unseen"
-"""Field of a row with a file that its worker did not see, for the report of the main process."""
+"""Field of a row with the path of a file that a worker did not see. The main process reports it."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
-"""Options that may name a file, in the order of the digest of a job."""
+"""Options that can name a file, in the order in which their files enter the key of a row."""
 
 
 Work = Callable[[], Evaluation]
 Run = Callable[[Work, Stopwatch], Evaluation]
-"""Function that runs the work of a job; the command line adds progress and Ctrl-C."""
+"""Function that calls the work of a job. That of the command line shows progress and handles
+Ctrl-C."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,23 +60,26 @@ class JobTask:
     options : Request
         Options of the batch and of the job.
     key : str
-        Key of the row.
+        Key of the row: `key_of`, or for a gate the name of the pair.
     folder : str, optional
         Result folder of the job.
     proof : bool
-        Whether to write the proof.
+        Whether to write the proof folder.
     per_step : bool
         Whether to store the costs of its steps.
     base : str
-        Folder to which paths are relative.
+        With a cluster: the folder to which paths are relative. Otherwise blank.
     store : str
-        Settings file of the batch. Only a worker that shares the file system sees it.
+        Path of the settings file of the batch. A worker that does not see this file does not share
+        the file system.
     settings_file : SettingsFile, optional
         Configuration file that set options of the batch.
     for_gate : bool
-        Whether the job is for a gate. The key of its row is then the name of the pair.
-    page, quiet, verbose : bool
-        Whether a gate makes a page of the job, and which lines it prints.
+        Whether the job is for a gate.
+    page : bool
+        Whether a gate makes an HTML page of the job.
+    quiet, verbose : bool
+        Whether a gate prints fewer lines or more lines for the user.
     """
 
     job: Job
@@ -94,7 +98,7 @@ class JobTask:
 
     @property
     def is_written(self) -> bool:
-        """True if the requested folder exists."""
+        """True if the result folder exists, with the proof if requested, or is not requested."""
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
@@ -102,19 +106,21 @@ class JobTask:
 def key_of(
     job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
 ) -> str:
-    """Return a digest of files, labels, options and schema, which determine the row.
+    """Return the key of the row of a job: a digest of all that determines the row.
+
+    These are the content of the files, the labels, the options, and the version of the schema.
 
     Parameters
     ----------
     job : Job
         Paths and labels.
     given : str
-        Options of the job, from `given_text`.
+        Options of the job, as `given_text` returns them.
     files : iterable of str
         Files that are read.
     digest : callable, optional
-        Callable that returns the digest of a file. By default `digest_of`; another callable can
-        read a file of many jobs only once.
+        Function that returns the digest of a file. The default is `digest_of`. A version with a
+        cache reads a file of many jobs only once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
@@ -122,14 +128,15 @@ def key_of(
     for path in files:
         file = file_of(path)
         sha.update((digest or digest_of)(file))
-        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # the variable in the file
+        # The path of a MAT file can end with the name of a variable in it.
+        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))
     return sha.hexdigest()
 
 
 def digest_of(path: str) -> bytes:
     """Return a digest of the bytes of a file, or of the files of a folder.
 
-    Unreadable files count as empty; the job reports them.
+    A file that cannot be read counts as empty here; the job reports it.
     """
     files = files_at(path)
     if files != [path]:
@@ -141,14 +148,18 @@ def digest_of(path: str) -> bytes:
     return b""
 
 
-@lru_cache(maxsize=64)  # most jobs of a batch have the same
+@lru_cache(maxsize=64)  # most jobs of a batch have the same options
 def given_text(options: Request) -> str:
-    """Return the options that change the number, and the schema of a result."""
+    """Return, as a text, the options that change the value, and the version of the schema."""
     return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
 
 
 def files_of(job: Job, options: Request) -> tuple[str, ...]:
-    """Return the files that a job reads; a word instead of a path counts as a missing file."""
+    """Return the paths of the files that a job reads.
+
+    Options such as ``inner_cov`` can have a word instead of a path. It is returned like a path, and
+    its digest is that of a missing file.
+    """
     named = (getattr(options, name) for name in NAMING_FILES)
     return (*job.files, *filter(None, named))
 
@@ -156,12 +167,14 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 def evaluate_job(
     task: JobTask, run: Run | None = None, say: Callable[[str], None] | None = None
 ) -> Row:
-    """Return the row of a job; a wrong file or a failed solver makes a row with its message.
+    """Evaluate a job, and return its row.
 
-    The row of a gate also has the error and the page. If there is no `say` that receives the lines
-    for the user at once, the row has these lines, too.
+    If a file is wrong or the solver fails, the row has the message. For a gate, the row also has
+    the error and the HTML page. `say` receives each line for the user at once. Without it, the row
+    has these lines.
     """
-    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # lazy: the parent does without
+    # lazy: the process that starts the workers evaluates nothing
+    from tgospa_eval.api.evaluate import evaluate_sides, read_sides
     from tgospa_eval.api.resolve import resolve_request
 
     begin, lines = time.monotonic(), list[str]()
@@ -196,7 +209,7 @@ def evaluate_job(
         }
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args), "error": error}
-    except Exception as error:  # a fault of ours must not stop the other jobs
+    except Exception as error:  # a bug must not stop the other jobs
         if task.for_gate:
             raise
         row = {"status": "failed", "message": fault_of(error)}
@@ -204,7 +217,9 @@ def evaluate_job(
 
 
 def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """Return the additional columns of a stored row.
+    """Write the result folder, and return the columns that only a row of a store has.
+
+    `task` has the paths of the main process, `here` those of this worker.
 
     Raises
     ------
@@ -224,21 +239,22 @@ def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
 
 
 def _gate_row(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """Make the page of a pair of a gate, if requested, and write its proof."""
+    """Write the proof of a pair of a gate, and return its HTML page, each if requested."""
     if here.folder is not None:
-        from tgospa_eval.show.files import PROOF, proof_files, write_texts  # lazy: few ask for it
+        # lazy: few gates write proofs
+        from tgospa_eval.show.files import PROOF, proof_files, write_texts
 
         texts = proof_files(result, task.options.given)
         write_texts(texts, here.folder, PROOF, force=False, subject=option("proof"))
     if not task.page:
         return {}
-    from tgospa_eval.show.html import page  # lazy: for folders only
+    from tgospa_eval.show.html import page  # lazy: few gates make pages
 
     return {"page": page(result, (task.job.truth, task.job.estimate))}
 
 
 def _on_this_worker(task: JobTask) -> JobTask:
-    """Return the task with paths of this worker."""
+    """Return the task with its relative paths joined to its base folder, for a cluster."""
     if not task.base:
         return task
 
@@ -259,7 +275,10 @@ def _on_this_worker(task: JobTask) -> JobTask:
 
 
 def _unseen(requested: JobTask, here: JobTask) -> Row | None:
-    """Describe a file that a worker of a cluster does not see; None if it sees all."""
+    """Return the row of a job with a file that this worker does not see; None if it sees all.
+
+    `requested` has the paths of the main process, `here` those of this worker.
+    """
     if not requested.base:
         return None
     needed = [(*map(file_of, task.job.files), task.store) for task in (requested, here)]
@@ -271,14 +290,17 @@ def _unseen(requested: JobTask, here: JobTask) -> Row | None:
 
 
 def lost_job(task: JobTask) -> Row:
-    """Return the row of a job whose process died although no other job was running."""
+    """Return the row of a job whose process died while it did only this job."""
     error = SolverError("its process died")
     row = {"status": "failed", "message": str(error), "error": error, "lines": ()}
     return finished_row(task, row, 0.0)
 
 
 def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
-    """Add the columns of every row; a store gets texts that Parquet supports."""
+    """Add the columns that every row has, such as the key and the labels.
+
+    A row for a store has only values that Parquet supports.
+    """
     whole = {
         "key": task.key,
         **{f"label.{name}": value for name, value in task.job.labels.items()},
@@ -300,9 +322,9 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
 
 
 def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
-    """Write the result folder without pictures; return columns with the reason if that fails.
+    """Write the result folder without pictures; if that fails, return a column with the reason.
 
-    A full disk or an obstacle to the folder does not change the number.
+    The row keeps its value even if the disk is full or the folder cannot be made.
     """
     if folder is None:
         return {}
@@ -326,21 +348,22 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
 
 
 # -------------------------------------------------------------------------------------------------
-# Rows for a gate, from this process or from several.
+# Rows for a gate, evaluated in this process or in several.
 
 PATIENCE = 2.0
-"""Seconds of work before processes are started. Starting them takes about as long."""
+"""Seconds of work in this process before others are started. Their start takes about as long."""
 
 SHOWN = 10.0
-"""Seconds between two lines of progress."""
+"""Number of seconds between two lines of progress."""
 
 
 def gate_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
 ) -> Iterator[Row]:
-    """Yield rows as they are ready; several processes share work that takes long.
+    """Evaluate tasks, and yield each row when it is ready; several processes share long work.
 
-    `notify` receives the name of a job, or a blank, and a line about it.
+    `notify` receives the name of a job and a line about it. Lines about all jobs have an empty
+    name.
     """
     begin = shown = time.monotonic()
     done = 0

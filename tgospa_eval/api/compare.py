@@ -1,4 +1,4 @@
-"""``compare``: estimates of one truth in proven order, or solvers on one estimate."""
+"""``compare`` ranks estimates of one truth, or compares solvers; ``sweep`` varies a parameter."""
 
 import os
 import re
@@ -68,18 +68,20 @@ if TYPE_CHECKING:
 Values: TypeAlias = float | Sequence[float] | Floats
 
 ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
-"""Options that are not for a sweep."""
+"""Options that `sweep` does not have."""
 
 
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """Return the settings of a point in the middle, and the parameters of all points by value.
+    """Return the checked options with a value in the middle, and the parameters of all points.
+
+    Points are sorted by value. `name` is the parameter that takes the `values`.
 
     Raises
     ------
     ConfigError, InputError
-        `evaluate` raises it; or a value is missing, repeated or out of range.
+        `evaluate` raises it; or there is no value, a value is repeated, or one is out of range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
@@ -97,7 +99,10 @@ def sweep_sides(
     *,
     mapping: "Components | None" = None,
 ) -> Sweep:
-    """Read both sides once, and evaluate them at each point; see `read_sides` for arguments."""
+    """Read truth and estimate once, and evaluate them with the parameters of each point.
+
+    `name` is the parameter that differs. Other parameters are those of `read_sides`.
+    """
     read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
     points = sweep_fitted(
         read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
@@ -117,13 +122,13 @@ def sweep(
     mapping: "Components | None" = None,
     **options: "Unpack[SweepOptions]",
 ) -> Sweep:
-    """Compute TGOSPA over a range of one parameter, each point with proven bounds.
+    """Compute TGOSPA for several values of one parameter, each with proven bounds.
 
     Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values. All other
-    arguments are those of `evaluate`, and each point equals a result of `evaluate`. Pairs nearer
-    than the cutoff are searched once. If no state is ignored, `rho` does not change the optimal
-    assignment, and the problem is solved once for all values of `rho`. A time limit holds for each
-    point.
+    arguments are those of `evaluate`. Each value gives a point, which equals a result of
+    `evaluate`. Near pairs are searched once for all points. A time limit holds for each point. If
+    no state is ignored, `rho` does not change the optimal assignment. Then the problem is solved
+    once for all values of `rho`.
 
     Parameters
     ----------
@@ -137,18 +142,18 @@ def sweep(
     Returns
     -------
     Sweep
-        Points in the order of the values.
+        Points, sorted by value.
 
     Warns
     -----
     TgospaWarning
-        `evaluate` warns about the data, with one of the middle values.
+        The data look wrong, as for `evaluate` with the value in the middle.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it; not exactly one of the four parameters is a sequence; or a value is
-        repeated.
+        `evaluate` raises it; a value is repeated; or none or several of the four parameters are
+        sequences.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -173,22 +178,23 @@ def sweep(
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
-"""Hint of the command's table to another command."""
+"""Pattern of a hint in the table that names another command; it is removed in Python."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
-"""Estimates by name, runs of estimates by name, paths, or the runs of one estimate."""
+"""Mapping from name to estimate or to runs, sequence of paths, or runs of one estimate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compared(StudyReport):
-    """Result of `compare`; it prints as the table of the command.
+    """Result of `compare`; ``print`` shows the table of ``tgospa-eval compare``.
 
     Parameters
     ----------
     document : dict
         Document of ``--format json``.
     entrants : mapping of str to sequence of RunOutcome
-        Ranked estimates with their costs per step; empty for solvers.
+        For each ranked estimate, its outcome in each run, with the costs per step. Empty if solvers
+        are compared.
     """
 
     document: Json
@@ -200,21 +206,30 @@ class Compared(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of estimates: proven order, and second value minus first value."""
+        """A row for each pair of estimates: their proven order, and the difference of their values.
+
+        The difference is the value of the second estimate minus that of the first.
+        """
         return as_frame(pairs_columns(self.document) if self.document.get("pairs") else {})
 
     @property
     def curves(self) -> "pd.DataFrame":
-        """Costs of each step, run and estimate, and their excess over the best estimate."""
+        """A row for each estimate, run and step: costs, and their excess over the best estimate.
+
+        The table is empty if solvers are compared.
+        """
         return as_frame(self.curves_columns() if self.entrants else {})
 
     def curves_columns(self) -> Columns:
-        """Return the columns of ``per_step.csv``: costs of each step, run and estimate."""
+        """Return the columns of ``per_step.csv``, with a row for each estimate, run and step."""
         return ranking.steps_columns(self.entrants, self.document["estimates"][0]["name"])
 
     @property
     def plot_data(self) -> object:
-        """Data of the pictures: for solvers the document, else times and costs, best first."""
+        """Data of the pictures: of solvers, the document; of estimates, times and costs.
+
+        The best estimate is the first.
+        """
         if not self.entrants:
             return self.document
         times, costs = ranking.steps_costs(self.entrants)
@@ -236,23 +251,23 @@ class Compared(StudyReport):
     __repr__ = __str__
 
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report in a ``--format``, with the columns of ``--columns-of-table``."""
+        """Return the report in a format that ``--format`` accepts, with these columns."""
         return re.sub(COMMAND, "", render(self.document, format, checked_columns(columns)))
 
     def plot_cumulative(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot the cumulative cost, averaged over the runs, with a line for each estimate."""
+        """Plot a line for each estimate: its cumulative cost, averaged over the runs."""
         return self._plot("cumulative", **options)
 
     def plot_time_over_error(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot time and error of each solver."""
+        """Plot the time of each solver over its error."""
         return self._plot("time_over_error", **options)
 
     def plot_error_over_epsilon(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot errors of the solver sinkhorn by temperature."""
+        """Plot the error of the solver ``sinkhorn`` over its temperature."""
         return self._plot("error_over_epsilon", **options)
 
     def plot_convergence(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot bounds of the solver sinkhorn while it sweeps."""
+        """Plot the bounds of the solver ``sinkhorn`` over its sweeps."""
         return self._plot("convergence", **options)
 
 
@@ -273,24 +288,27 @@ def compare(
     Parameters
     ----------
     truth : path, Trajectories, DataFrame, array, mapping or set of tracks
-        Truth as for `evaluate`; or a truth for each run of the estimates.
+        Truth as for `evaluate`. If the estimates have runs: one truth for all runs, or one for each
+        run.
     estimates : mapping from name to estimate or runs, list of paths, or runs of one estimate
-        Estimates to rank, each as for `evaluate`; the name of a file is its path. Runs are given as
-        for `batch`. With `solvers`, a single estimate.
+        Estimates to rank, each as for `evaluate`. In a list of paths, each path is also the name.
+        Runs are given as for `batch`. With `solvers`, give a single estimate.
     cutoff, order, switch_penalty, mapping
         Parameters of `evaluate`, like all other options.
-    solvers : sequence of str or solver record
-        Solvers to compare on one estimate, one after the other.
+    solvers : sequence of str or solver
+        Solvers to compare on one estimate, one after the other: names, or objects such as
+        `Sinkhorn`.
 
     Returns
     -------
     Compared
-        Prints as the table of ``tgospa-eval compare``; `Compared.table()` is a DataFrame.
+        The ranking, which ``print`` shows as the table of ``tgospa-eval compare``.
+        `Compared.table` makes a DataFrame.
 
     Warns
     -----
     TgospaWarning
-        `evaluate` warns about the data.
+        The data look wrong, as for `evaluate`.
 
     Raises
     ------
@@ -331,7 +349,7 @@ def compare(
 
 
 def _named(estimates: object) -> "Mapping[str, Any]":
-    """Return estimates, or their runs, by name.
+    """Return the estimates, or the runs of each estimate, by name.
 
     Raises
     ------
@@ -360,18 +378,18 @@ def _named(estimates: object) -> "Mapping[str, Any]":
 
 
 class PairReader:
-    """Reader that makes problems of pairs of truth and estimate.
+    """Reader that reads pairs of truth and estimate, and builds the problem of each pair.
 
-    Each notice is given once. Successive pairs with the same truth share one reading of this truth.
+    Each notice is given once. If successive pairs have the same file as truth, it is read once.
 
     Parameters
     ----------
     settings : ResolvedRequest
         How to read and evaluate.
     stopwatch : Stopwatch
-        Clock that records the time by stage.
+        Clock that adds up the time of each stage.
     notify : callable
-        Callable that receives notices.
+        Function that receives each notice.
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     warnings_only : bool
@@ -396,13 +414,13 @@ class PairReader:
 
     @property
     def warnings(self) -> list[dict[str, str]]:
-        """Warnings so far."""
+        """Warnings about the pairs that were read so far."""
         return [notice.record() for notice in self.shown if notice.code]
 
     def prepared(
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
     ) -> PreparedPair:
-        """Return the problem of two sides; notices begin with `name`, if it is given."""
+        """Return the problem of truth and estimate; notices begin with `name`, if it is given."""
         of_file = tuple(f"{path}: " for path in display_names((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
@@ -431,7 +449,7 @@ class PairReader:
 
 
 Ranked = tuple[Json, ranking.Entrants]
-"""The document, and what it was made of."""
+"""The JSON document of a ranking, and the outcomes of each estimate from which it was made."""
 
 
 def ranked(
@@ -443,14 +461,14 @@ def ranked(
     per_step: bool = False,
     with_: Sequence[str] = (),
 ) -> Ranked:
-    """Evaluate and rank estimates of one truth, or of a truth for each run.
+    """Evaluate and rank several estimates of one truth, or of a truth for each run.
 
     Parameters
     ----------
     pairs : PairReader
         Reader of the pairs.
     runs : sequence of (truth, sequence of estimates)
-        Truth and estimates of each run.
+        Truth and estimates of each run. Each run has the estimates in the order of `names`.
     names : sequence of str
         Names of the estimates.
     solver : Solver
@@ -463,8 +481,9 @@ def ranked(
     Returns
     -------
     tuple
-        The document, and the outcomes by estimate. After an interruption, only runs with all
-        estimates count. If there is no such run, the finished estimates of the first run count.
+        The JSON document, and the outcomes of each estimate by its name. After an interruption,
+        only runs in which all estimates are finished count. If there is no such run, the finished
+        estimates of the first run count.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}
@@ -503,7 +522,10 @@ def solvers_on(
     *,
     spare: bool = False,
 ) -> Json:
-    """Run several solvers on one pair; `spare` leaves out an exact solver that takes minutes."""
+    """Run several solvers on one pair, and return the JSON document of the comparison.
+
+    With `spare`, the solver ``exact`` is left out if it may take minutes.
+    """
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
     states = solver_runs.takes_long(prepared) if spare else None
@@ -523,19 +545,19 @@ def solvers_on(
 
 
 # -------------------------------------------------------------------------------------------------
-# Rankings of saved results; nothing is solved.
+# Rankings of saved results.
 
 HEAD = ("files", "input", "parameters", "warnings", "with")
-"""Fields of a document that are kept beside the costs."""
+"""Fields of the document of a saved result that a ranking uses in addition to the costs."""
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Return whether the arguments are saved results, or patterns of them, and not data files.
+    """Return whether the paths, or patterns of paths, are of saved results and not of data files.
 
     Raises
     ------
     ConfigError
-        Results and data files are mixed, or there is only one result.
+        Some paths are of results and others of data files; or there is only one result.
     """
     first = [first_file(path) if is_pattern(path) else path for path in paths]
     saved = [name is not None and saved_result(name) is not None for name in first]
@@ -555,13 +577,13 @@ def are_saved(paths: Sequence[str]) -> bool:
 
 
 def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
-    """Rank saved results by their proven brackets.
+    """Rank saved results by their proven brackets. Nothing is solved.
 
     Raises
     ------
     TgospaError
-        Patterns do not fit each other, or a result is wrong, is a duplicate, or differs from the
-        first in its truth or its parameters.
+        Some paths are patterns and others are not, or the patterns do not fit each other. Or a
+        result is wrong, is a duplicate, or differs from the first in its truth or its parameters.
     """
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):
@@ -604,7 +626,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     for notice in (*warnings, *left_out):
         notify(notice)
     first, *rest = [item["parameters"] for items in heads for item in items]
-    shared = {  # solvers and units may differ
+    shared = {  # without solvers and units that differ between results
         name: value
         for name, value in first.items()
         if all(name in other and other[name] == value for other in rest)

@@ -1,4 +1,4 @@
-"""Distances of options."""
+"""Base distances and reductions of clouds, made from options."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,17 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 
 
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
-    """Return how to reduce, or None without a size; `shared` are options that the distance has too.
+    """Return how to reduce particle clouds to `size` particles; None if no size is given.
+
+    `shared` names options of a reduction that the distance has, too. They are no error without a
+    reduction.
 
     Raises
     ------
     ConfigError
-        An option needs ``--reduce``, or is not for the method.
+        An option needs ``--reduce``, or is not for the chosen method of reduction.
     """
-    from tgospa_eval.distances import Reduction  # here, as below: most states are no clouds
+    from tgospa_eval.distances import Reduction  # lazy: most states are no clouds
 
     given = {
         name: value for name in REDUCTION_NAMES if (value := getattr(options, name)) is not None
@@ -57,14 +60,14 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
 
 
 def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWasserstein":
-    """Return a distance of clouds with the settings of the options.
+    """Return the distance between clouds `named`, with the settings that the options give.
 
     Raises
     ------
     ConfigError
         Options contradict each other.
     InputError
-        The file of a covariance is missing or wrong.
+        The covariance file is missing or wrong.
     """
     from tgospa_eval.distances import PairCloudWasserstein
     from tgospa_eval.formats.text.small import read_matrix
@@ -104,20 +107,23 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
 
 
 def _is_given(value: object, default: object) -> bool:
-    """Return whether an option was chosen; an array always was, as it cannot be compared."""
+    """Return whether an option has a value that is not its default.
+
+    Arrays cannot be compared, so they always count.
+    """
     plain = value is None or isinstance(value, int | str | Sequence | Mapping)
     return not plain or (bool(value) and value != default)
 
 
 class DistanceOptions:
-    """Options of a distance, checked as far as possible before the columns of files are known.
+    """Options of the base distance, checked as far as possible without the columns of the files.
 
     Parameters
     ----------
     options : Request
         Values of the options.
     nees : bool
-        Whether covariances are read for NEES, even if the distance does not need them.
+        Whether NEES is requested. Then the options for covariances apply with any distance.
 
     Raises
     ------
@@ -174,22 +180,23 @@ class DistanceOptions:
 
     @property
     def needed(self) -> tuple[str, ...] | None:
-        """State columns that the distance needs; None if readers find them."""
+        """State columns that the distance needs; None if readers choose them from the headers."""
         return None if self.boxes else self.named.columns
 
     @staticmethod
     def columns(
         requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """Return the requested columns, with those of the distance if no states are named."""
+        """Return the requested columns; if they name no state columns, add the `needed` ones."""
         if needed is None or parse_columns(requested)[1]:
             return None if requested is None else tuple(requested)
         return (*(requested or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
-        """Return which states the distance cannot compare, if it needs these columns.
+        """Return which of R states the distance cannot compare, and why; None if there are none.
 
-        `axes` (d, R) has a row for each column and an entry for each state.
+        The check is only for distances that need certain columns, and for states that begin with
+        these. `axes` (d, R) has a row for each of the d columns.
         """
         needed = self.named.columns
         fits = needed is not None and columns[: len(needed)] == needed
@@ -201,8 +208,8 @@ class DistanceOptions:
         Raises
         ------
         ConfigError
-            An option names a column that does not enter the distance; or states are in degrees and
-            no distance is chosen.
+            An option names a column that is no state column; or states are in degrees and no
+            distance is chosen.
         """
         if not self.chosen and columns[:2] == PLACES:
             raise ConfigError(
@@ -217,11 +224,11 @@ class DistanceOptions:
 
 
 WIDE = 1.0
-"""Degrees (1 degree is 111 km). A cutoff of this or more was probably meant in metres."""
+"""Number of degrees. A cutoff of this or more (1 degree is 111 km) was probably meant in metres."""
 
 
 def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
-    """Return notices about the choice of the distance."""
+    """Return notices about a distance that may not suit the state columns or the cutoff."""
     warnings = []
     if isinstance(distance, Norm) and columns[:2] == PLACES:
         mixed = len(columns) > len(PLACES)
@@ -245,7 +252,7 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
 
 
 def _with(distance: Distance, **settings: object) -> Distance:
-    """Return the distance with changed settings; its type must have these settings."""
+    """Return the distance with these settings changed; the distance must have them."""
     record: Any = distance
     changed: Distance = replace(record, **settings) if settings else record
     return changed
@@ -266,7 +273,10 @@ def _with_covariance(distance: Distance, given: "str | ArrayLike", decimal: str)
 def numbers_by_name(
     keyword: str, items: Sequence[str], default: float | None = None
 ) -> dict[str, float]:
-    """Return numbers by name of ``name=number,name=number``."""
+    """Parse texts such as ``x=2,y=3`` to numbers by name.
+
+    `keyword` is the option, for messages. With `default`, a name can stand without a number.
+    """
     numbers: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):
         name, equals, text = (part.strip() for part in item.partition("="))
@@ -285,7 +295,10 @@ def numbers_by_name(
 def _by_column(
     keyword: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
 ) -> tuple[float, ...] | None:
-    """Return one number for each column, None if none is given."""
+    """Return a number for each column; None if `numbers` is empty.
+
+    Columns that `numbers` lacks get the number `other`. `keyword` is the option, for messages.
+    """
     if not numbers:
         return None
     unknown = [name for name in numbers if name not in columns]

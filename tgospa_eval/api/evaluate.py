@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
-"""Receiver of notices and warnings."""
+"""Function that is called with each notice and each warning."""
 
 
 @with_options()
@@ -59,7 +59,7 @@ def evaluate(
         - a table ``id, t, x[, y[, z]]`` of pandas, Polars or a library with the Arrow interface
         - an array or tensor (T, k, d): T steps, k trajectories, d columns; NaN if absent
         - a pair ``(times, array)`` with such an array
-        - a dictionary from id to an array (T, d), or to a pair ``(times, array)``
+        - a dictionary whose keys are ids, with an array (T, d) or a pair ``(times, array)`` each
         - tracks or ground-truth paths of Stone Soup, with the parameter `mapping`
 
         Arrays and tables have the state columns that the distance needs.
@@ -71,22 +71,22 @@ def evaluate(
         Switch penalty gamma >= 0, in the unit of the distance. The default is 2.0, or 0.5 with
         ``"iou"``.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, for tracks with state vectors: ``(0, 2)`` selects x and y of
-        ``(x, vx, y, vy)``. A pair of such sequences selects different components of truth and
-        estimate.
+        Positions of the components to compare, for tracks with state vectors: ``(0, 2)`` selects x
+        and y of ``(x, vx, y, vy)``. For different components of truth and estimate, give a pair of
+        such sequences.
     memory : str or float, optional
         Largest memory of the evaluation, ``"4GB"`` or a number of GB; by default half of the memory
         of the machine. Folders of Parquet or CSV files, and files that would take more memory, are
-        evaluated in parts by up to `jobs` processes, if both sides are paths.
+        evaluated in parts by up to `jobs` processes. For that, truth and estimate must be paths.
     scheduler : str, optional
-        Address of a Dask cluster. It evaluates data in parts in place of local processes.
+        Address of a Dask cluster that evaluates data in parts, instead of local processes.
 
     Returns
     -------
     Result
-        The value with its lower and upper bound, its parts, and tables. With ``by="class"`` it is a
-        `ByClass`, the sum over classes. For data in parts it is a `ResultInParts`, whose tables are
-        temporary files.
+        The value with its lower and upper bound, its parts, and tables. With ``by="class"`` the
+        answer is a `ByClass`, the sum over classes. For data in parts it is a `ResultInParts`,
+        whose tables are temporary files.
 
     Warns
     -----
@@ -98,8 +98,8 @@ def evaluate(
     ConfigError
         A parameter is out of range, a name is unknown, or the data do not support an option.
     InputError
-        A file is wrong, states are out of range, or the two sides differ in their columns or in
-        their kind of time.
+        A file is wrong, states are out of range, or truth and estimate differ in their state
+        columns or in their kind of time.
     TypeError
         A keyword is unknown.
     """
@@ -130,15 +130,15 @@ class TrackPair:
     Parameters
     ----------
     read : pair of Reading
-        Both sides as they were read.
+        Truth and estimate as they were read.
     fitted : AlignedPair
-        Both sides on one time grid.
+        Truth and estimate on one time grid.
     request : EvaluationRequest
         What to compute.
     files : dict
-        Paths of truth and estimate; None for a side in memory.
+        Paths of ``"truth"`` and ``"estimate"``; None for data in memory.
     said : tuple of Notice
-        Warnings about the data, and notices of how the sides were read and of defaults in use.
+        Warnings about the data. Notices of how the data were read, and of defaults in use.
     """
 
     read: tuple[Reading, ...]
@@ -149,17 +149,17 @@ class TrackPair:
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
-        """Warnings about the two sides."""
+        """Warnings about truth and estimate."""
         return tuple(notice for notice in self.said if notice.code)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Notices: how the sides were read, and the defaults in use."""
+        """Notices of how truth and estimate were read, and of defaults in use."""
         return tuple(notice.sentence for notice in self.said if not notice.code)
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Records of both files in a result."""
+        """Format, count of rows, and counts of rows that were left out, for truth and estimate."""
         return [side.record for side in self.read]
 
 
@@ -173,29 +173,29 @@ def read_sides(
     mapping: "Components | None" = None,
     known: dict[str, Reading] | None = None,
 ) -> TrackPair:
-    """Read truth and estimate, align and fit them, and say what looks wrong.
+    """Read truth and estimate, bring them to one time grid, and say what looks wrong.
 
     Parameters
     ----------
     resolved : ResolvedRequest
-        The request.
+        How to read, and what to evaluate.
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        The two sides; the truth may be a `Reading`.
+        Truth and estimate as given to `evaluate`. The truth can also be a `Reading`.
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Callable of the command line that receives each notice. If it is given and a side is a
-        folder or a pattern of files, the error ends with a command that reads these files.
+        Function of the command line that receives each notice. If it is given, the error about a
+        folder or a pattern of files ends with a command that reads these files.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, for tracks with state vectors.
+        Components to compare, as in `evaluate`.
     known : dict, optional
-        Cache with the truth that was read last, by its path; it is changed in place. Pass the same
-        dict for several estimates to read their truth once.
+        Cache of the truth that was read last; the key is its path. This function updates it. Pass
+        the same dict for several estimates to read their truth once.
 
     Raises
     ------
     TgospaError
-        A side is wrong, or the options do not fit the sides.
+        Truth or estimate is wrong, or the options do not fit them.
     """
     given = (truth, estimate)
     with stopwatch.span("read"):
@@ -214,9 +214,20 @@ def noticed(
     *,
     sound: bool = False,
 ) -> TrackPair:
-    """Return two sides that were read and aligned, with notices about them.
+    """Return truth and estimate, which were read and aligned before, with notices about them.
 
-    If `sound` is true, clocks and states were checked before, and are not diagnosed again.
+    Parameters
+    ----------
+    given : pair
+        Truth and estimate as the user gave them.
+    sides : pair of Reading
+        Both as they were read.
+    fitted : AlignedPair
+        Both on one time grid.
+    request : EvaluationRequest
+        What to compute.
+    sound : bool
+        Whether their times and states were checked before: some tests are then left out.
     """
     names = display_names(given)
     notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
@@ -233,9 +244,10 @@ def noticed(
 def evaluate_sides(
     resolved: ResolvedRequest, sides: TrackPair, stopwatch: Stopwatch, notify: Notify | None = None
 ) -> Result | ByClass:
-    """Solve, prove and report, for each class separately if the request says so.
+    """Evaluate two sides that were read: solve, and prove the bounds.
 
-    `notify` receives the warnings of the solution.
+    With ``by="class"`` this is done for each class, and the results are added up. `notify` receives
+    the warnings that arise here; those of reading are only added to the result.
     """
     result: Result | ByClass
     if resolved.reading.by_class:
@@ -260,7 +272,7 @@ def evaluate_pair(
     stopwatch: Stopwatch,
     files: Sequence[Json] | None = None,
 ) -> Result:
-    """Build the problem of two sides, solve it, certify the solution, and add requested extras.
+    """Build the problem of truth and estimate, solve it, certify it, and add requested extras.
 
     Parameters
     ----------
@@ -271,12 +283,13 @@ def evaluate_pair(
     stopwatch : Stopwatch
         Running clock with the time of reading.
     files : pair of dict, optional
-        Records of the two files, as `input_record` makes them.
+        `TrackPair.records` of truth and estimate. Without it, only the rows are counted.
     """
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None
     if request.slices:
-        from tgospa_eval.evaluation.slices import slice_members, slicings  # lazy: few ask for them
+        # lazy: few evaluations have slices
+        from tgospa_eval.evaluation.slices import slice_members, slicings
 
         with stopwatch.span("slices"):
             slices = slice_members(aligned, request.slices, request.parameters.cutoff)
@@ -285,7 +298,8 @@ def evaluate_pair(
     result = prove(prepared, request.solver, solution, stopwatch, request)
     result = replace(result, source=(aligned, request))
     if request.with_:
-        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
+        # lazy: few evaluations have other metrics
+        from tgospa_eval.evaluation.other_metrics import joined, other_metrics
 
         resources = Resources(jobs=request.solver.jobs, stopwatch=stopwatch)
         computed = other_metrics(prepared, request.with_, resources, result.proof)
@@ -298,8 +312,8 @@ def evaluate_pair(
 
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
-    """Evaluate each class, and add them up."""
-    # A distance may derive settings from the data: here from the data of all classes together.
+    """Evaluate each class, and add up the results."""
+    # Some distances take settings from the data: here from the data of all classes together.
     request = replace(sides.request, distance=sides.fitted.distance)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()

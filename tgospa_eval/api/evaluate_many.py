@@ -38,32 +38,32 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, Runs
 
 CHUNK = 100
-"""Pairs that are evaluated together."""
+"""Number of pairs that are evaluated together."""
 
 SMALL = 10_000
 """Largest number of states of a pair that is evaluated together with other pairs."""
 
 FEW = 3
-"""Runs that a warning names."""
+"""Number of runs that a warning names; it only counts further runs."""
 
 SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_states")
-"""Columns with numbers: all steps, steps of the horizon, true states, estimated states."""
+"""Columns with counts: all steps, steps of the horizon, true states, estimated states."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluations:
-    """Numbers of many pairs; ``[run]`` makes the `Result` of one pair.
+    """Values of many pairs in a table; ``[run]`` makes the `Result` of one pair.
 
-    The sides are kept as they were given, and read again for a `Result`.
+    Truth and estimate of each pair are kept as they were given, and read again for a `Result`.
 
     Parameters
     ----------
     runs : tuple of str
         Names of the pairs, in order.
     rows : tuple of dict
-        Numbers of each pair, by column.
+        A row of the table for each pair: its values, with the names of the columns as keys.
     warnings : tuple of Notice
-        Warnings, each text once, with the runs that have it.
+        Warnings. Each text occurs once, and names the runs to which it applies.
     pairs : tuple of pairs
         Truth and estimate of each pair, as they were given.
     resolved, mapping : ResolvedRequest, sequence
@@ -87,7 +87,9 @@ class Evaluations:
         return run in self.runs
 
     def __getitem__(self, run: "int | str") -> Result:
-        """Return the result of a pair, by place or name: what `evaluate` returns, without warnings.
+        """Return the result of a pair, by its index or name.
+
+        It is the result that `evaluate` returns. No Python warning is issued.
 
         Raises
         ------
@@ -106,7 +108,7 @@ class Evaluations:
     def table(self) -> "pd.DataFrame":
         """Return a row for each pair: values, bounds, parts and counts as in `Batch.rows`.
 
-        Column ``warnings`` has the codes of the warnings.
+        The column ``warnings`` has the codes of the warnings about the pair.
         """
         return as_frame({name: [row[name] for row in self.rows] for name in self.rows[0]})
 
@@ -135,16 +137,15 @@ def evaluate_many(
 ) -> Evaluations:
     """Compute TGOSPA of many pairs, with the same values and bounds as `evaluate`.
 
-    Small pairs are searched, reduced and certified together, which takes a fraction of the time
-    of a loop. Other pairs are evaluated one by one. The results equal those of `evaluate` bit by
-    bit.
+    Small pairs are evaluated together, which takes a fraction of the time of a loop. Other pairs
+    are evaluated one by one. The results equal those of `evaluate` bit by bit.
 
     Parameters
     ----------
     truth : sequence of pairs, mapping, sequence of sides, array or table
         Without `estimate`: pairs of truth and estimate, or a mapping from names to such pairs. With
-        `estimate`: the truth of each run, as a sequence, an array (runs, T, k, d) or a table with a
-        column ``run``; or one side that is the truth of all runs.
+        `estimate`: the truth of each run. Give a sequence, an array (runs, T, k, d), a table with a
+        column ``run``, or a single truth for all runs.
     estimate : sequence of sides, array or table, optional
         The estimates of the same runs.
     cutoff, order, switch_penalty : float, optional
@@ -152,7 +153,8 @@ def evaluate_many(
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     jobs : int, optional
-        Number of processes for work of more than some seconds; by default the number of cores.
+        Number of processes, which are used if the work takes more than some seconds. The default is
+        the number of cores.
 
     Returns
     -------
@@ -169,7 +171,8 @@ def evaluate_many(
     ConfigError
         A parameter is out of range, or a name is unknown.
     InputError
-        A side is wrong, the sides of a pair do not fit, or truth and estimate have different runs.
+        A side is wrong, truth and estimate of a pair do not fit each other, or `truth` and
+        `estimate` have different runs.
     TypeError
         A keyword is unknown.
 
@@ -207,7 +210,7 @@ Numbers = tuple[Row, tuple[Notice, ...]]
 
 
 def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, Any]]]:
-    """Return names of the pairs, and the pairs.
+    """Return the names of the pairs, and the pairs.
 
     Raises
     ------
@@ -244,7 +247,7 @@ def _named_pairs(truth: Any, estimate: Any) -> tuple[list[str], list[tuple[Any, 
 
 
 def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, list[Numbers]]]:
-    """Yield the numbers of each chunk; several processes share work that takes long."""
+    """Yield what `work` returns for each chunk; several processes share work that takes long."""
     begin = time.monotonic()
     for done, chunk in enumerate(chunks):
         left = len(chunks) - done
@@ -258,7 +261,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Return the row and warnings of each pair of a chunk."""
+    """Return the index of the first pair of a chunk; then the row and warnings of each pair."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []
@@ -277,7 +280,7 @@ def _chunk(
         first = read[small[0]]
         alike = [k for k in small if is_like(read[k][2], first[2])] or small[:1]
         small = [k for k in small if k not in alike]
-        with suppress(ConfigError):  # errors of a single pair are reported below
+        with suppress(ConfigError):  # pairs without costs are evaluated by themselves below
             joined = JoinedPairs([read[k][2] for k in alike], first[3])
             sound[alike] = joined.sound()
             costs |= dict(zip(alike, joined.costs(), strict=True))
@@ -299,7 +302,7 @@ def _of_run(run: str) -> Iterator[None]:
 
 
 def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -> Numbers:
-    """Return the row and warnings of a pair, evaluated by itself if its costs are not known yet."""
+    """Return the row and warnings of a pair. If `costs` is None, evaluate the pair by itself."""
     warnings, aligned = sides.warnings, sides.fitted.alignment
     if costs is None:
         result = evaluate_sides(resolved, sides, Stopwatch())
@@ -314,7 +317,7 @@ def _numbers(resolved: ResolvedRequest, sides: TrackPair, costs: Costs | None) -
 
 
 def _by_kind(each: Iterable[tuple[str, tuple[Notice, ...]]]) -> tuple[Notice, ...]:
-    """Return each warning once, with the runs that have it."""
+    """Return each warning once, with the names of the runs to which it applies."""
     kinds: dict[Notice, list[str]] = {}
     for run, notices in each:
         for notice in dict.fromkeys(notices):

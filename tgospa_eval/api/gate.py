@@ -1,4 +1,4 @@
-"""``gate``: an estimate, a suite or the store of a batch, judged by a baseline."""
+"""``gate``: judges an estimate, a suite of pairs or the store of a batch by a baseline."""
 
 import json
 import os
@@ -55,11 +55,15 @@ if TYPE_CHECKING:
     from tgospa_eval.api.result import Result
 
 PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kind == "path")
-"""Options that name a file."""
+"""Options, as a settings file names them, whose values are paths of files."""
 
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
-    """Return the options of a pair that differ from the defaults, by field."""
+    """Return the options that are given for a pair, by the names of their fields.
+
+    They have four sources: the `entry` of the baseline at `path`, the settings file, the suite, and
+    the command line with the environment. Each source has priority over those before it.
+    """
     inherited = dict(entry["options"]) if entry else {}
     for key in (key for key in PATHS_GIVEN if inherited.get(key)):
         inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
@@ -72,7 +76,7 @@ def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict
 
 
 # -------------------------------------------------------------------------------------------------
-# Pairs of files, suites and stores: all are judged, or the baseline of all is made anew.
+# Pairs of files, suites and stores: they are judged, or their baseline is written.
 
 
 def judge_all(
@@ -82,21 +86,22 @@ def judge_all(
     notify: Callable[[str], None],
     run: Run | None = None,
 ) -> Report:
-    """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
+    """Judge a pair of files, the pairs of a suite or the jobs of a store.
 
-    The jobs of a store are not solved again: their proven bounds are compared.
+    With ``--update-baseline``, write the baseline instead. The jobs of a store are not solved
+    again: their proven bounds are compared.
 
     Parameters
     ----------
     gate : GateOptions
-        Rules and baseline.
+        Options of the gate, such as rules and baseline.
     truth, estimate : str, optional
-        Two files. Or two stores: that of the baseline, and the one to judge. Or only a store to
-        judge.
+        Two files; or a store as baseline, and a store to judge; or only `truth`, a store to judge.
+        Without both, the suite is judged.
     notify : callable
-        Callable that receives lines for the user.
+        Function that receives each line for the user.
     run : callable, optional
-        Callable that runs the work of a pair in this process; by default the work is just called.
+        Function that calls the work of a pair in this process, for example to show its progress.
 
     Raises
     ------
@@ -137,7 +142,10 @@ def judge_all(
 
 
 def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
-    """Judge the jobs of a store by the jobs of another store or by a baseline file."""
+    """Judge the jobs of a store by those of another store, or by a baseline file.
+
+    With two stores, `first` has the baseline and `second` is judged.
+    """
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
             raise ConfigError(f"{option(name)} is for files and suites, not for stores")
@@ -168,7 +176,11 @@ def _with_first_changes(
     path: str,
     target: Target | None,
 ) -> Report:
-    """Add the first changed state of each changed truth, if git has the earlier file."""
+    """Add a note on each truth that changed: its first changed state.
+
+    The earlier file is read from git. Without it, there is no note. At most `MAX_CHANGES` truths
+    are read.
+    """
     there = {pair.name: pair for pair in pairs}
     outcomes = list(report.outcomes)
     changed = [
@@ -191,11 +203,14 @@ def _with_first_changes(
 
 
 MAX_CHANGES = 10
-"""Largest number of changed truths whose first changed state is searched."""
+"""Largest number of changed truths that get a note on their first changed state."""
 
 
 def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
-    """Describe the first state of a truth that differs from a former file."""
+    """Describe the first state in which the truth of a pair differs from its earlier content.
+
+    `options` are those of the pair. `content` has the bytes of the earlier file.
+    """
     from tempfile import TemporaryDirectory  # lazy: truths seldom change
 
     from tgospa_eval.api.evaluate import read_sides
@@ -233,7 +248,11 @@ def _with_faults(
     old: Baseline | None,
     path: str,
 ) -> Iterator[Job]:
-    """Yield the pairs, with a fault if a file is not as in the target, and marks of new pairs."""
+    """Yield the pairs, with a fault if this branch changes a file that the target should provide.
+
+    Pairs that the baseline lacks are marked as new. `target` is the revision or folder of
+    ``--against``.
+    """
     known, tables = old or {}, judge_pairs.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
 
@@ -250,7 +269,8 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # Runs with other seeds are judged in their group if the target knows their scene.
+        # A run with a new seed is not new if the target has its truth and a run of the same scene:
+        # it is judged with its group.
         in_group = target.has(pair.truth) and scene(pair.labels) in scenes
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
@@ -263,7 +283,10 @@ def _pairs(
     notify: Callable[[str], None],
     target: Target | None,
 ) -> tuple[list[Job], list[GroupTable], str | None]:
-    """Return the pair of two files or the pairs of a suite; then its groups and its baseline."""
+    """Return the pairs to judge: two files, or those of the suite.
+
+    Also return the groups and the baseline that the suite names.
+    """
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources.get("suite") == "commandline":
@@ -291,7 +314,10 @@ def _evaluated(
     notify: Callable[[str], None],
     run: Run | None,
 ) -> Iterator[judge_pairs.Evaluated]:
-    """Evaluate pairs of files, and yield their rows; several processes share long work."""
+    """Evaluate pairs of files; yield the row of each, and the options for the baseline.
+
+    Pairs keep their order. Several processes share long work.
+    """
     given: dict[str, dict[str, object]] = {}
     tasks: list[JobTask] = []
     waiting: dict[str, Row] = {}
@@ -317,8 +343,8 @@ def _evaluated(
         if "error" in row:
             yield row, {}
             continue
-        # Settings of a solver that did not reach its accuracy are left out: a later run would
-        # inherit them.
+        # Later runs inherit the recorded options. If the solver did not reach the accuracy, its
+        # settings are therefore left out.
         recorded = {
             OPTION_SPECS[name].key: value
             for name, value in given[pair.name].items()
@@ -329,7 +355,10 @@ def _evaluated(
 
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
-    """Return options that a baseline always records, even defaults and values from the data."""
+    """Return the options that a baseline always records, even if they are defaults.
+
+    These are cutoff and switch penalty, and the period if it was taken from the data.
+    """
     parameters = json.loads(row["parameters"])
     period = {"period": str(parameters["period"])} if "period" in parameters else {}
     return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
@@ -341,7 +370,10 @@ def _task(
     given: Mapping[str, object],
     groups: Sequence[GroupTable],
 ) -> JobTask:
-    """Return the task of a pair with these options."""
+    """Return the task that evaluates a pair with the options `given`.
+
+    NEES is computed if a rule needs it.
+    """
     rules = [
         *judge_pairs.rules_of(gate, pair, default=False),
         *(rule for table in groups for rule in table.rules),
@@ -349,7 +381,7 @@ def _task(
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
     folder = None
     if gate.proof is not None:
-        from tgospa_eval.show.files import folder_name  # lazy: few ask for proofs
+        from tgospa_eval.show.files import folder_name  # lazy: few gates write proofs
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
@@ -373,9 +405,9 @@ def _task(
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
-    """Return options as a baseline records them: lists as texts, paths relative to its folder.
+    """Return options as the baseline at `path` records them: lists as texts, and relative paths.
 
-    A path on another drive stays absolute.
+    Paths are relative to the folder of the baseline. Those on another drive are absolute.
     """
     portable = {
         key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
@@ -391,13 +423,14 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Stores of batches.
+# Stores of batches, which are judged or serve as a baseline.
 
 
 def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
-    """Return the baseline of a file, or of the jobs of a store with a value; None without one.
+    """Return the baseline in a file, or that of the jobs of a store; None if there is no file.
 
-    The entries that match `renewed` are replaced later, so these may have a merge conflict.
+    Jobs that failed are not in the baseline of a store. The baseline file can have a merge conflict
+    from git in entries for which `renewed` returns true, because these are replaced later.
 
     Raises
     ------
@@ -414,12 +447,13 @@ def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Ba
 
 
 def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str | None]:
-    """Return the store that is judged, and the baseline.
+    """Return the path of the store to judge, and that of the baseline, if any.
 
     Raises
     ------
     ConfigError
-        An option is only for evaluations, or the baseline is given twice.
+        An option is only for evaluations, the baseline or what to judge is given twice, or `second`
+        is no store.
     """
     typed = [*gate.given("commandline")]
     if gate.proof:
@@ -441,7 +475,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
 
 
 def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
-    """Return the rows of a store, and their options as a baseline at this path records them.
+    """Return the row of each job of a store, and its options as a baseline at `path` records them.
 
     The keys are names of jobs, such as ``careful/SIM-01 cutoff=5``.
 
@@ -471,15 +505,15 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
 
 
 # -------------------------------------------------------------------------------------------------
-# ``gate`` of Python.
+# The Python function ``gate``.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
-"""Keywords by the names of their options, which a baseline uses."""
+"""Options that change the value: their keywords, by the names that a baseline uses."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GateResult:
-    """Result of `gate`; true if it passed. It prints as the table of the command.
+    """Result of `gate`; ``bool`` says whether it passed, ``print`` shows the table of the command.
 
     Parameters
     ----------
@@ -499,7 +533,7 @@ class GateResult:
 
     @property
     def passed(self) -> bool:
-        """True if all rules are proven to hold, or the baseline was made."""
+        """True if all rules are proven to be kept, or if the baseline was written."""
         return self.report.status == 0
 
     @property
@@ -509,7 +543,7 @@ class GateResult:
 
     @cached_property
     def findings(self) -> "pd.DataFrame":
-        """A row for each rule (of each pair and group) with value, limit and verdict."""
+        """A row for each rule and each pair or group that it judges: value, limit and verdict."""
         import pandas as pd  # lazy: slow to import
 
         records = [
@@ -522,7 +556,7 @@ class GateResult:
 
     def __bool__(self) -> bool:
         if not self.passed and "PYTEST_CURRENT_TEST" in os.environ:
-            sys.stdout.write(f"{self}\n")  # `assert` shows one line of it only
+            sys.stdout.write(f"{self}\n")  # a failed `assert` shows only its first line
         return self.passed
 
     def __str__(self) -> str:
@@ -553,7 +587,7 @@ def gate(
     strict: bool = False,
     **options: "Unpack[GateEvaluationOptions]",
 ) -> GateResult:
-    """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
+    """Judge an estimate, or the pairs of a suite, by a baseline, as ``tgospa-eval gate`` does.
 
     A rule fails only if the proven lower bound breaks it, and passes only if the proven upper bound
     keeps it.
@@ -561,25 +595,25 @@ def gate(
     Parameters
     ----------
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As for `evaluate`.
+        Truth and estimate, as for `evaluate`.
     baseline : str or path, optional
-        JSON file that an update writes; the command uses the same file. A suite may name its own
-        baseline.
+        JSON file of the baseline, which `update_baseline` writes. The command line uses the same
+        format. A suite can name its baseline, too.
     suite : str or path, optional
         TOML file with several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
-        Git revision or folder that provides suite, baseline, truths and configuration.
+        Git revision or folder from which suite, baseline, truths and configuration are read.
     newer_than : str or path, optional
-        A file or a time; estimates of a suite that are older than it fail.
+        A file or a time. Estimates of a suite with an older file fail.
     fail_on : str or iterable of str
-        Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
+        Rules such as ``"total:+2%"`` or ``"nees:1.5..2.5"``; by default ``"total:+0.001%"``.
     warn_on : str or iterable of str
         Rules that only warn.
     limits : mapping of str to float, optional
-        Largest allowed values, whatever the baseline has: ``{"tgospa": 50.0}``.
+        Largest allowed values, which do not depend on the baseline: ``{"tgospa": 50.0}``.
     group : str, optional
-        Labels of a suite, such as ``"scenario"``; pairs are added up by these labels and the sums
-        are judged.
+        Labels of a suite, such as ``"scenario"``. Pairs with equal labels are added up, and the
+        sums are judged.
     confidence : float, optional
         Confidence of conclusions from runs with different seeds; 0.975 by default.
     seed_label : str, optional
@@ -587,32 +621,33 @@ def gate(
     update_baseline : bool
         Whether to write the baseline instead of judging.
     add : bool
-        Whether an update adds a night to those of the baseline; rules then compare with the mean of
-        up to 10 nights.
+        Whether an update adds its values to those of earlier updates (nightly runs). Rules then
+        compare with the mean of the last runs, at most 10.
     only : str or iterable of str
-        Patterns of the pairs of a suite whose entries are updated.
+        Patterns of names of pairs of a suite. An update changes only the entries of these pairs.
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
         Whether a group above its limit fails even if its seeds may be the reason.
 
-    An option that is omitted comes from the baseline or the suite, else from the defaults of
-    `evaluate`. Options of a suite must be texts or numbers; records, matrices and tables are
-    refused.
+    Options that are not given come from the suite or the baseline, else they have the defaults of
+    `evaluate`. Options of a suite must be texts or numbers. Objects such as distances, matrices and
+    tables are refused.
 
     Returns
     -------
     GateResult
-        True if it passed; `GateResult.verdict`, `GateResult.findings`, `GateResult.result`.
+        Verdict, findings and evaluation; true as a condition if the gate passed.
 
     Raises
     ------
     ConfigError, InputError
         `evaluate` raises it, a rule is wrong, or the baseline or the suite cannot be read.
     TypeError
-        Neither two sides with a baseline nor a suite are given, or `limits` is not a mapping.
+        The arguments are neither truth, estimate and baseline, nor a suite; or `limits` is not a
+        mapping.
     """
-    given = dict(locals())  # before any other local variable: the options of gate by their names
+    given = dict(locals())  # in the first line, so that these are only the parameters
     if not isinstance(limits, Mapping | None):
         raise TypeError(f"limits is {limits!r}: must be a mapping from path to limit")
     named = {name: given[name] for name in ("suite", "baseline", "newer_than")}
@@ -641,7 +676,7 @@ def _gate_of_pair(
     estimate: TrajectoriesLike,
     options: Mapping[str, Any],
 ) -> GateResult:
-    """Judge two sides, in memory or in files, with options of `evaluate`."""
+    """Judge one estimate, in memory or in a file, with options of `evaluate`."""
     path = str(judge_by.baseline)
     old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
@@ -649,7 +684,7 @@ def _gate_of_pair(
     pair = Job(
         name=ONLY_PAIR, truth=_display_name(truth, "truth"), estimate=_display_name(estimate, "")
     )
-    judge_pairs.rules_of(judge_by, pair)  # wrong rules are errors before any work
+    judge_pairs.rules_of(judge_by, pair)  # raises the error of a wrong rule before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
@@ -668,7 +703,7 @@ def _gate_of_pair(
 
 
 def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
-    """Judge a suite by options that are texts and numbers, as those of a batch."""
+    """Judge a suite. Options of `evaluate` must be texts or numbers."""
     given = {name: value for name, value in options.items() if value is not None}
     values = typed({OPTION_SPECS[name].key: value for name, value in given.items()}, "gate")
     named = ("baseline", "suite", *judge_pairs.RULE_PARAMETERS.values())
@@ -682,5 +717,5 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
 
 
 def _display_name(side: object, otherwise: str) -> str:
-    """Return the path of a file."""
+    """Return the path of a file, or `otherwise` for data in memory."""
     return os.fspath(side) if isinstance(side, (str, os.PathLike)) else otherwise

@@ -1,7 +1,7 @@
-"""Data in parts: folders of tables, and files that do not fit into memory.
+"""Evaluation of data in parts: of folders of tables, and of files that do not fit into memory.
 
 This module decides whether data are read in parts, refuses options that need all data at once, and
-evaluates.
+starts the evaluation.
 """
 
 import csv
@@ -39,23 +39,23 @@ if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
-"""Bytes of files that fit into any memory, unless a limit is given."""
+"""Size in bytes below which files count as small enough for any memory, if no limit is given."""
 
 IN_PARTS = ("csv", "parquet")
 """Formats of files that can be read in parts."""
 
 TIP = 1 << 16
-"""Bytes at the begin and the end of a file from which its header and times are read."""
+"""Number of bytes that are read at the begin and at the end of a file, for header and times."""
 
 UNKNOWN_MEMORY = 2 * 10**9
 """Default limit of memory if the memory of the machine is unknown."""
 
 Moment: TypeAlias = tuple[str, float]
-"""Clock of a time, and the time."""
+"""Clock of a time (``"number"``, ``"local"`` or ``"zoned"``), and its value."""
 
 
 def memory_of(limit: int | None) -> int | None:
-    """Return the limit of memory of an evaluation, or None if it is unknown."""
+    """Return `limit`, or by default half of the memory of the machine; None if that is unknown."""
     if limit is not None:
         return limit
     whole = machine_memory()
@@ -65,14 +65,14 @@ def memory_of(limit: int | None) -> int | None:
 def parts_in_words(
     paths: tuple[str, str], options: Request, *, pictures: bool = False
 ) -> str | None:
-    """Return the reason for reading two sides in parts, or None if they are read at once.
+    """Return the reason to read truth and estimate in parts; None if they are read at once.
 
-    `pictures` says whether pictures are made.
+    `pictures` says whether pictures are made, which takes memory, too.
 
     Raises
     ------
     MemoryTooSmallError
-        The sides take more than the limit, and their format cannot be read in parts.
+        The files need more memory than the user allows, and their format cannot be read in parts.
     """
     folders = [path for path in paths if os.path.isdir(path)]
     if folders:
@@ -83,7 +83,7 @@ def parts_in_words(
             return f"{folders[0]} is a folder of tables"
         said = options.memory is not None and not any(map(folder_format, folders))
         return f"{folders[0]} is a folder, and {option('memory')} is given" if said else None
-    if options.max_input is not None:  # the user wants it read at once
+    if options.max_input is not None:  # the user wants the files to be read at once
         return None
     files = [path for path in paths if path != STDIN and os.path.isfile(path)]
     small = sum(map(os.path.getsize, files)) < FITS_ANYWHERE
@@ -97,7 +97,7 @@ def parts_in_words(
     if can_be_divided(paths):
         return f"{' and '.join(paths)} need about {size} of memory, more than {given} allows"
     if options.memory is None:
-        return None  # reading tells if the memory suffices
+        return None  # too little memory is an error of reading
     raise MemoryTooSmallError(
         f"{' and '.join(paths)} need about {size} of memory, more than {given} allows; only CSV "
         "and "
@@ -106,7 +106,7 @@ def parts_in_words(
 
 
 def can_be_divided(sides: tuple[object, object]) -> bool:
-    """Return whether both are files of a format that can be read in parts."""
+    """Return whether truth and estimate are files of formats that can be read in parts."""
     return all(
         is_path(side) and os.path.isfile(side) and format_of(os.fspath(side)) in IN_PARTS
         for side in sides
@@ -114,16 +114,17 @@ def can_be_divided(sides: tuple[object, object]) -> bool:
 
 
 def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] = ()) -> None:
-    """Refuse options that need all data in memory.
+    """Check that no option needs all data in memory.
 
     Parameters
     ----------
     options : Request
         The options.
     why : str
-        Why the data are read in parts.
+        Why the data are read in parts, for the message.
     further : iterable of pair of str
-        Further options that need all data in memory, with their replacements.
+        Options in use that are not in `options` and need all data in memory. Each has an advice
+        what to do instead.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] =
 
 
 def jobs_of(options: Request) -> int:
-    """Return the number of processes of this machine that share the memory."""
+    """Return the number of local processes that evaluate; with a cluster, 1."""
     return 1 if options.scheduler else options.jobs or cores()
 
 
@@ -171,13 +172,14 @@ def evaluate_in_parts(
     paths : pair of str
         Truth and estimate.
     options, resolved : Request, ResolvedRequest
-        Options that `check_parts` has accepted, and the records made from them.
+        Options that `check_parts` has accepted, and the answer of `resolve_request` for them.
     work : Path
         Folder for intermediate data and the tables of the result.
     stopwatch : Stopwatch
         Running clock.
     kept : bool
-        Whether the folder is kept after the run. A table of assigned pairs is written only then.
+        Whether the folder `work` is kept after the run. If not, the table of assigned pairs is not
+        written.
     pictures : bool
         Whether pictures are made of the result.
 
@@ -186,7 +188,7 @@ def evaluate_in_parts(
     TgospaError
         An option or the data are wrong.
     """
-    from tgospa_eval.engines import engine_of  # lazy: few need it
+    from tgospa_eval.engines import engine_of  # lazy: few evaluations are in parts
     from tgospa_eval.partitioned.evaluate import evaluate_partitioned
     from tgospa_eval.partitioned.files import files_of
 
@@ -220,9 +222,10 @@ def in_parts_if_large(
     stopwatch: Stopwatch,
     why: str | None = None,
 ) -> ResultInParts | None:
-    """Evaluate folders of tables, or files that do not fit in memory; return None for other sides.
+    """Evaluate folders of tables, or files that do not fit into memory; return None for other data.
 
-    The temporary folder is removed with the result. `why` says that files do not fit in memory.
+    Tables of the result are in a temporary folder, which is removed when the result is deleted. If
+    `why` is given, it is the reason to read in parts. Otherwise sizes of files decide.
 
     Raises
     ------
@@ -250,8 +253,9 @@ def in_parts_if_large(
 def is_recording(folder: str, columns: str) -> bool:
     """Return whether the tables of a folder are parts of one recording.
 
-    Parquet files are parts. CSV files are parts if there are several with the same header whose
-    ranges of time do not overlap.
+    Parquet files always are. CSV files are if there are several, all have the same header, and
+    their ranges of time do not overlap. A folder of nuScenes is no recording in parts. `columns`
+    has the options for columns, which may map ``t`` to a header.
     """
     if is_table_folder(folder):
         return False
@@ -271,10 +275,10 @@ def is_recording(folder: str, columns: str) -> bool:
 def _in_turn(files: Sequence[str], time_headers: Sequence[str]) -> bool:
     """Return whether CSV files have the same header, and ranges of time that do not overlap.
 
-    `time_headers` are the headers that are requested for times.
+    `time_headers` are headers that the user maps to ``t``.
     """
     headers, spans = set(), []
-    if not all(map(os.path.isfile, files)):  # a named pipe would be waited for
+    if not all(map(os.path.isfile, files)):  # opening a named pipe can block
         return False
     for path in files:
         try:
@@ -290,7 +294,9 @@ def _in_turn(files: Sequence[str], time_headers: Sequence[str]) -> bool:
 def _header_and_span(
     path: str, time_headers: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[Moment, Moment] | None]:
-    """Return the header of a CSV file and the times of its first and last row, None without rows.
+    """Return the header of a CSV file, and the times of its first and last row, the smaller first.
+
+    Without rows, None takes the place of the times.
 
     Raises
     ------

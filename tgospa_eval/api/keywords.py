@@ -1,4 +1,4 @@
-"""Options of a request as keywords of Python functions."""
+"""Options of an evaluation as keywords of Python functions."""
 
 import functools
 import inspect
@@ -18,12 +18,12 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 OF_THE_COMMAND = ("memory", "scheduler", "explain")
-"""Fields of a request that `with_options` does not add as keywords.
+"""Options that `with_options` does not add as keywords.
 
-Some functions declare `memory` and `scheduler` themselves, and results have `explain`."""
+Functions that need `memory` and `scheduler` declare them. `explain` is a method of results."""
 
 KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
-"""Names of fields by the names of their options."""
+"""Keywords by the names of options on the command line: ``"class"`` is ``class_``."""
 
 IN_OBJECTS = {
     "distance": "a record of `tgospa_eval.distances`",
@@ -40,18 +40,19 @@ IN_OBJECTS = {
     **dict.fromkeys(("columns", "truth_columns", "estimate_columns"), "a sequence of names"),
     **dict.fromkeys(("class_", "truth_class", "estimate_class", "with_"), "a sequence of names"),
 }
-"""Options that Python may also give as objects."""
+"""Options that can also be objects in Python, and which objects these are."""
 
 
 def taken(without: Iterable[str] = ()) -> list[str]:
-    """Return all options as keywords, except those in `OF_THE_COMMAND` and in `without`."""
+    """Return the keywords of all options, except those in `OF_THE_COMMAND` and in `without`."""
     return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
 def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Let a function take the options of an evaluation, except some, as keywords.
+    """Make a decorator that gives a function the options of an evaluation as keywords.
 
-    The last parameter of the function is ``**options``; signature and docstring get the options.
+    `without` names options that the function does not get. The last parameter of the function is
+    ``**options``. The decorator adds the options to its signature and to its docstring.
     """
     names = taken(without)
 
@@ -72,7 +73,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
         described: Any = wrapped
         described.__signature__ = signature.replace(parameters=[*own, *more])
-        if wrapped.__doc__ is not None:  # with python -OO there are no docstrings
+        if wrapped.__doc__ is not None:  # python -OO removes docstrings
             wrapped.__doc__ = _documented(wrapped.__doc__, [p.name for p in more])
         return wrapped
 
@@ -80,7 +81,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 
 def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Check that a function has these keywords.
+    """Check that all `given` keywords of the function with this name are `known`.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
     there = list(known)
     for name in given:
         if name not in there:
-            from difflib import get_close_matches  # lazy: most calls are right
+            from difflib import get_close_matches  # lazy: few calls have an unknown keyword
 
             own = _keyword_of(name)
             near = [own] if own in there else get_close_matches(name, there, 1)
@@ -99,7 +100,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
 
 
 def _keyword_of(name: str) -> str | None:
-    """Return the keyword for another name of an option: gamma is `switch_penalty`."""
+    """Return the keyword of an option for a name on the command line: gamma is `switch_penalty`."""
     for field, about in OPTION_SPECS.items():
         if name.replace("_", "-") in re.findall(r"-([\w-]+)", about.declaration.replace("--", "-")):
             return field
@@ -107,7 +108,7 @@ def _keyword_of(name: str) -> str | None:
 
 
 def _documented(doc: str, names: Iterable[str]) -> str:
-    """Return a docstring with the options at the end of its parameters."""
+    """Return a docstring with a section of these options after its parameters."""
     lines = ["Other Parameters", "----------------"]
     for name in names:
         about = OPTION_SPECS[name]
@@ -123,19 +124,19 @@ def _documented(doc: str, names: Iterable[str]) -> str:
 
 
 def _kind(name: str) -> str:
-    """Return the type of a keyword, in words."""
+    """Return the type of a keyword, as a docstring names it."""
     kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
     known = [kind.__name__ for kind in kinds if isinstance(kind, type)]
     return " or ".join(known or ["str or iterable of str"])
 
 
 def each(given: str | Iterable[str]) -> tuple[str, ...]:
-    """Return a text, or several, as a tuple."""
+    """Return one text, or several, as a tuple."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 
 def requested(values: Mapping[str, object]) -> Request:
-    """Return the request of keywords.
+    """Check the values of keywords one by one, and return them as a `Request`.
 
     Raises
     ------
@@ -149,7 +150,7 @@ KINDS = {float: "a number", int: "a whole number", bool: "True or False"}
 
 
 def _value(name: str, value: object) -> Any:
-    """Return the value of a keyword for a request."""
+    """Check the value of a keyword, and return it in the type that `Request` has for it."""
     if name not in OPTION_SPECS or value is None:
         return value
     about, option = OPTION_SPECS[name], name.rstrip("_")
@@ -159,7 +160,7 @@ def _value(name: str, value: object) -> Any:
     if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
         return _names(name, value)
     if isinstance(value, str):
-        # Texts for these two options are checked elsewhere.
+        # Names of distances and solvers are checked where these are made.
         known = about.choices if name not in ("distance", "solver") else ()
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")
@@ -177,7 +178,7 @@ def _value(name: str, value: object) -> Any:
 
 
 def _names(name: str, value: object) -> str | tuple[str, ...]:
-    """Return several texts, or a text with commas."""
+    """Check that a value is a text or several texts; return several as a tuple."""
     if isinstance(value, str):
         return (value,) if DEFAULTS[name] == () else value
     texts = tuple(value) if isinstance(value, Iterable) else (value,)
@@ -187,7 +188,7 @@ def _names(name: str, value: object) -> str | tuple[str, ...]:
 
 
 def _check_range(option: str, about: OptionSpec, value: float) -> None:
-    """Check that a number is in the range of the command line."""
+    """Check that a number is in the range that the command line also requires."""
     if about.low is not None and not value >= about.low:
         raise ConfigError(f"{option} is {value}: must be {about.low} or more")
     if about.high is not None and not value <= about.high:

@@ -24,7 +24,7 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
-"""Smallest relative gap; outward rounding may separate closer bounds."""
+"""Smallest relative gap that can be reached, because bounds are rounded outward."""
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -67,16 +67,16 @@ def pair_notices(
     *,
     sound: bool = False,
 ) -> Iterator[Notice]:
-    """Yield notices about both sides, the distance, and the two together.
+    """Yield notices about each file, about the distance, and about truth and estimate together.
 
     Parameters
     ----------
     given, names, files : pairs
-        Both sides, their names in messages, and how they were read.
+        Truth and estimate as the user gave them, their names in messages, and what was read.
     sides, request : AlignedPair, EvaluationRequest
-        Both sides on one time grid, and the request.
+        Truth and estimate on one time grid, and what to compute.
     sound : bool
-        Whether clocks and states were checked before.
+        Whether times and states were checked before: some tests are then left out.
     """
     for name, side in zip(names, files, strict=True):
         yield from about(name, side)
@@ -115,7 +115,7 @@ def pair_notices(
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """Explain states without covariance; the arguments say whether each side has covariances."""
+    """Explain what states without covariances mean; a side that is true has no covariances."""
     if truth and estimate:
         yield "neither side has covariances: gaussian-wasserstein equals the euclidean distance"
     elif truth:
@@ -126,7 +126,10 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 
 
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
-    """Yield notices of the defaults in use, once for all jobs."""
+    """Yield notices of the defaults in use; a command with many jobs prints them once.
+
+    `boxes` says whether the files have boxes.
+    """
     if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield centres_compared()
     given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
@@ -144,7 +147,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield the progress of the run, if requested, and values without the requested accuracy."""
+    """Yield times and progress of the run if `verbose`, and which values missed the accuracy."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:
@@ -152,7 +155,7 @@ def about_run(
 
 
 def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]:
-    """Yield notices of values without the requested accuracy."""
+    """Yield a notice for each kind of value that did not reach the requested accuracy."""
     if result.certified:
         requested = (
             (result.curve_bounds, "step", " of the curve"),
@@ -175,7 +178,7 @@ def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]
 
 
 def _progress(result: Evaluation, stopwatch: Stopwatch) -> Iterator[str]:
-    """Yield times of the stages, and the progress of the solver."""
+    """Yield the time of each stage, and a line for each check of the solver."""
     for name, seconds in stopwatch.spans.items():
         yield f"{name:<20} {seconds:9.3f} s"
     if stopwatch.work:

@@ -1,6 +1,6 @@
-"""Record of all options of an evaluation, from which options and lists are made.
+"""Options of an evaluation and of a batch: declared once, for the command line and for Python.
 
-It imports nothing heavy, because the command line needs it for its help.
+This module imports nothing that is slow to import, because the help of the command line needs it.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from tgospa_eval.quoting import quoted
 if TYPE_CHECKING:
     from tgospa_eval.show.batch import BandKind
 
-# Spelled out here, because importing the members costs numpy; tests hold them together.
+# Copied from the modules that define these names, which import numpy; tests compare both.
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
@@ -56,7 +56,10 @@ _beside = partial(_output, number=False, everywhere=False, stored=False)
 def _one_side(
     declare: Callable[..., Any], declaration: str, *, like_truth: bool = False, **about: Any
 ) -> Any:
-    """Return an option of one side, declared like that of both sides or of the truth."""
+    """Declare an option that is for truth or estimate only.
+
+    Its help refers to the option for both, or with `like_truth` to the option for the truth.
+    """
     side, _, name = declaration.removeprefix("--").partition(" ")[0].partition("-")
     text = f"--truth-{name} for ESTIMATE." if like_truth else f"--{name} for {side.upper()} alone."
     return declare(declaration, text, **about)
@@ -64,11 +67,12 @@ def _one_side(
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Values):
-    """Request for an evaluation; None for options that were not given.
+    """Options of an evaluation; None for options that were not given.
 
-    The help of an option describes its field. `pairwise` lets a distance use the covariances of
-    each pair; `sides` are the two files as options name them; `summed` says that slices are added
-    to those of other evaluations.
+    The help of an option describes its field. Three fields are no options. `pairwise` lets a
+    distance use the covariances of each pair. `sides` are the words for both files in the names of
+    options, as in ``--truth-columns``. `summed` says that slices are added to those of other
+    evaluations.
     """
 
     cutoff: float | None = _metric(
@@ -604,7 +608,7 @@ class Request(Values):
 
     @property
     def given(self) -> dict[str, object]:
-        """Options that change the number or its bracket, without defaults."""
+        """Options that change the value or its bounds and differ from their defaults."""
         return {
             name: getattr(self, name)
             for name, default in OF_THE_NUMBER.items()
@@ -613,12 +617,12 @@ class Request(Values):
 
 
 def is_coverage(region: str | None) -> bool:
-    """Return whether a region is a circle or a file, instead of ranges of columns."""
+    """Return whether the text of ``--region`` is a circle or a file, and not ranges of columns."""
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 def names_file(name: str, value: object) -> bool:
-    """Return whether a value of an option is the name of a file."""
+    """Return whether the value of an option is the name of a file."""
     if name == "inner_cov":
         return value not in ("global", "pair")
     if name == "region":
@@ -627,20 +631,20 @@ def names_file(name: str, value: object) -> bool:
 
 
 OPTION_SPECS = Request.settings()
-"""Specifications of the fields that have an option."""
+"""Specification of each option, by the name of its field."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Fields of the options that all verbs have, by their names in a settings file."""
+"""Names of fields by the names of options in a settings file, without options of `OF_EVALUATE`."""
 
 OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Fields of the options that only `evaluate` has."""
+"""Names of the fields whose options only `evaluate` has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
 
 FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
-"""Settings of all verbs, and whether each is a flag."""
+"""For each option in `NAMES`, whether it is a flag."""
 
 PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
     int: (parsed_whole, "whole number; write it as 10"),
@@ -649,7 +653,7 @@ PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
 
 
 def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
-    """Convert settings of a file to values of fields; `where` begins messages.
+    """Convert the settings of a settings file to values of fields; messages begin with `where`.
 
     Raises
     ------
@@ -689,7 +693,7 @@ OF_THE_NUMBER: dict[str, object] = {
     for name, default in DEFAULTS.items()
     if name == "pairwise" or (name in OPTION_SPECS and OPTION_SPECS[name].number)
 }
-"""Defaults of the fields that change the number or its bracket."""
+"""Fields that change the value or its bounds, with their defaults."""
 
 
 _batch = partial(setting, "Batch", stored=False)
@@ -697,7 +701,7 @@ _batch = partial(setting, "Batch", stored=False)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions(Values):
-    """Options of the jobs of a batch, their distribution and their tables."""
+    """Options of ``batch``: which jobs there are, which processes do them, and what is shown."""
 
     truth: str | None = _batch(
         "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"

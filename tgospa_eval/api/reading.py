@@ -1,4 +1,4 @@
-"""Reading of both sides of a request, in the same units and on the same steps."""
+"""Reading of truth and estimate: in the same units, clock and frame, and on the same steps."""
 
 import os
 import re
@@ -28,37 +28,37 @@ if TYPE_CHECKING:
 
 
 # -------------------------------------------------------------------------------------------------
-# Folders and patterns where a file is needed: what is in them, and what to type instead.
+# Errors if a path is a folder or a pattern of files: what is in it, and what to type instead.
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz", ".mat")
 ASIDE = {"det", "img1", "seqmaps"}
-"""Folders of MOTChallenge without tracks."""
+"""Names of folders of MOTChallenge that have no tracks."""
 
 DEEP = 4
-"""Depth of the search in folders: train/MOT17-02/gt/gt.txt."""
+"""Number of levels of a search, with the file: 4 in train/MOT17-02/gt/gt.txt."""
 
 MAX_FILES = 10_000
-"""Largest number of files in a search."""
+"""Number of files after which a search ends."""
 
 FILES_SHOWN = 3
 SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""A message about a folder or a pattern; then the folder, and the matching files below it."""
+"""A message about a folder or a pattern; then the folder, and the files in it that matter."""
 
 
 CSV = re.compile(r".*\.csv(\.gz|\.zst)?", re.IGNORECASE).fullmatch
-"""Test for the name of a CSV file."""
+"""Test whether a name is that of a CSV file, also a compressed one."""
 
 
 def check_places(paths: Sequence[str]) -> None:
-    """Check that the truth, and the estimate if there is one, can be files.
+    """Check that no path is a folder without a known format, or a pattern of files.
 
     Raises
     ------
     InputError
-        A path is a folder or a pattern; the message has a command to type.
+        A path is such a folder or a pattern. The message has a command to type.
     """
     places = [find_place(path) for path in paths]
     if any(places):
@@ -71,7 +71,7 @@ def check_places(paths: Sequence[str]) -> None:
 
 
 def find_place(path: str) -> Place | None:
-    """Return the folder or pattern at a path; None for a file or a missing path."""
+    """Return a message and the files, if a path is a folder or a pattern; else None."""
     if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "it has no tables"
@@ -79,7 +79,7 @@ def find_place(path: str) -> Place | None:
     pattern = re.search(r"[*?[]", path)
     if pattern is None or os.path.lexists(path):
         return None
-    import glob  # lazy: most paths are no patterns
+    import glob  # lazy: few paths are patterns
 
     folder = os.path.dirname(path[: pattern.start()])
     names = sorted(name for name in glob.glob(path) if os.path.isfile(name))
@@ -97,7 +97,10 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Yield tables, and folders that are one side, by their relative paths below a folder."""
+    """Yield the relative paths of tables below a folder.
+
+    A folder that a reader takes as a whole, like the folders of some formats, counts as one table.
+    """
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -118,7 +121,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """Yield commands to type."""
+    """Yield commands that read the files which belong together in these places."""
     shapes = [
         _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
@@ -134,7 +137,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     truth, estimate = (by_shape[shape] for by_shape, shape in zip(shapes, best, strict=True))
     names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
     if not names:
-        # With one file in each folder, it is clear which two belong together.
+        # If each folder has only one file, the two belong together.
         files = [{path for group in one.values() for path in group.values()} for one in shapes]
         if all(len(some) == 1 for some in files) and files[0] != files[1]:
             yield _type(*(some.pop() for some in files))
@@ -143,7 +146,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
-    from tgospa_eval.campaign.pairs import layout_of  # lazy: slow to import, for faults only
+    from tgospa_eval.campaign.pairs import layout_of  # lazy: slow to import, only for errors
 
     layout = layout_of(*paths) if len(names) > 1 else None
     if layout is not None:
@@ -154,7 +157,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
 
 
 def _whole(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """Yield the command that reads two folders of CSV files as one recording each."""
+    """Yield the command that reads each of two folders of CSV files as one recording."""
     inside = [
         place[1][1] if place is not None and os.path.isdir(path) else ()
         for path, place in zip(paths, places, strict=True)
@@ -165,7 +168,7 @@ def _whole(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str
 
 
 def _quoted(path: str) -> str:
-    import shlex  # lazy: for faults only
+    import shlex  # lazy: only for errors
 
     return shlex.quote(path)
 
@@ -175,7 +178,7 @@ def _type(truth: str, estimate: str) -> str:
 
 
 def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
-    """Yield the commands for all sequences; `{}` is the place of the name in the two paths."""
+    """Yield the commands that evaluate all sequences, whose names replace `{}` in both paths."""
     sides = [side.format("{name}") for side in (truth, estimate)]
     options = " ".join(
         f"--{role} {_quoted(side)}" for role, side in zip(("truth", "estimate"), sides, strict=True)
@@ -188,7 +191,11 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Return paths by shape, such as gt/{}/gt/gt.txt, and by the name in it, such as MOT17-02."""
+    """Return the shapes of paths with most files, and for each the path of each name.
+
+    A shape is a path with `{}` for a name: gt/MOT17-02/gt/gt.txt has the shape gt/{}/gt/gt.txt with
+    the name MOT17-02. A path has several shapes.
+    """
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}
     for file in files:
@@ -209,13 +216,17 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
 def _fit(
     shapes: Sequence[dict[str, dict[str, str]]], truth: str, estimate: str
 ) -> tuple[int, bool, int]:
-    """Return a score of the match of two shapes: common names first, then a usual name of truth."""
+    """Return how well a shape of the truth and one of the estimate match; the largest is best.
+
+    The number of names that both have counts first, then whether the path of the truth has a part
+    ``gt``, then how short the shapes are.
+    """
     common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
 
 
 def display_names(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
-    """Return the names of sides in messages: paths of files, and roles of data in memory."""
+    """Return names for messages: the path of a file, or the role of data in memory."""
     return tuple(
         os.fsdecode(side) if objects.is_path(side) else role
         for side, role in zip(given, roles, strict=False)
@@ -231,33 +242,34 @@ def read_pair(
     advise: bool = True,
     known: dict[str, Reading] | None = None,
 ) -> tuple[Reading, ...]:
-    """Read the truth, and the estimate if there is one; or sides in other roles.
+    """Read truth and estimate, or only the truth, or the states of sensors.
 
-    The sides are converted to the same units, clock and frame. Rows that are not wanted are left
+    Both sides are converted to the same units, clock and frame. Rows that options exclude are left
     out.
 
     Parameters
     ----------
     resolved : ResolvedRequest
-        How to read the sides.
+        How to read.
     *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
-        Each side.
+        The sides: truth and estimate, or others according to `roles`.
     roles : tuple of str
-        Roles of the sides.
+        Role of each side, ``"truth"`` or ``"estimate"``. Sensors have the role of an estimate.
     names : tuple of str, optional
         Names of data in memory in messages; by default their roles.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, for tracks with state vectors.
+        Components to compare, as in `evaluate`.
     advise : bool
-        Whether the message about a folder has a command to type.
+        Whether a folder or a pattern of files is an error with a command to type.
     known : dict, optional
-        The truth that was read last, by its path: several estimates share one reading of it.
+        Cache of the truth that was read last; the key is its path. This function updates it, so
+        that several estimates share one reading of their truth.
 
     Raises
     ------
     InputError
         A path is a folder, a side is wrong, or no side has a header that an option names. The
-        message has all errors.
+        message has the errors of all sides.
     ConfigError
         No side has a requested class; or options that select rows leave none, or do not apply to a
         side.
@@ -288,7 +300,11 @@ def _read(
     mapping: "Components | None",
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
-    """Read all sides with one origin, and with heights if all have them; collect all errors."""
+    """Read all sides, and raise the errors of all sides together.
+
+    All are read by the same columns of positions. Heights are part of the states if both sides have
+    them. Parameters are those of `read_pair`.
+    """
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
 
@@ -315,7 +331,7 @@ def _read(
         raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
     if known is not None and objects.is_path(given[0]) and made[0]:
         known.clear()
-        known[names[0]] = made[0]  # read for all estimates, not as a single one needs it
+        known[names[0]] = made[0]  # as read by its options, before it is adapted to this estimate
     made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None
@@ -331,7 +347,7 @@ def _brought_together(
     names: tuple[str, ...],
     given: Sequence[object],
 ) -> tuple[Reading, ...]:
-    """Convert both sides to the same units, clock and frame."""
+    """Convert truth and estimate to the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
     sides = in_one_clock(sides)
@@ -348,7 +364,7 @@ def _brought_together(
 
 
 def _stays(side: object) -> bool:
-    """Return whether a side can be read a second time; a pipe cannot."""
+    """Return whether a side can be read a second time, unlike a pipe or a `Reading`."""
     if isinstance(side, Reading):
         return False
     return not objects.is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
@@ -357,7 +373,7 @@ def _stays(side: object) -> bool:
 def _converted(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
-    """Convert one side to the requested timestamps and states, if still needed; return both."""
+    """Convert side `k` to the requested times and units, unless its reader did so; return both."""
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
@@ -376,8 +392,8 @@ def _converted(
 def _covered(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return the rows of all sides that are inside the regions of --region."""
-    from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few have regions
+    """Return all sides with only the rows inside the circle or the regions of ``--region``."""
+    from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few evaluations have regions
     from tgospa_eval.evaluation.regions import coverage, inside
 
     assert resolved.coverage is not None
@@ -394,9 +410,10 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return both sides, if requested without the rows that the rules of a benchmark omit.
+    """Return both sides; with ``--preprocess``, without the rows that a benchmark leaves out.
 
-    A warning says if this was not requested, although a metric of published tables was.
+    Without ``--preprocess``, a warning says if a metric of MOTChallenge is requested and the truth
+    has such rows.
 
     Raises
     ------
@@ -406,7 +423,7 @@ def _preprocessed(
     with_ = {*resolved.evaluation.with_}
     if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(MOT_METRICS)):
         return sides
-    from tgospa_eval.evaluation.preprocess import (  # lazy: for boxes only
+    from tgospa_eval.evaluation.preprocess import (  # lazy: only for boxes
         benchmark_warnings,
         preprocessed,
     )
@@ -414,7 +431,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """Read the rows of all classes, including rows that a flag omits."""
+        """Read the truth with the rows of all classes, also those that a flag says to ignore."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 
@@ -459,7 +476,7 @@ def check_sides(
 def align_sides(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[AlignedPair, EvaluationRequest]:
-    """Return two sides on the same steps, and the request for them.
+    """Bring two sides to the same steps. Also return the request, with the complete distance.
 
     Raises
     ------

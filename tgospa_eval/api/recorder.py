@@ -1,4 +1,4 @@
-"""Ids and states of both sides, frame by frame, from the loop of a program."""
+"""``Recorder``: a program passes truth and estimate frame by frame, and evaluates them."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 
 Frame: TypeAlias = "tuple[list[str], Floats, Floats | Clouds | None]"
-"""Ids, states and their covariances or particles, of one side at one time."""
+"""Truth or estimate at one time: ids, states, and their covariances or particles, if any."""
 
 PARTICLES = 3
-"""Number of axes of particles (n, N, d): n objects of N particles with d columns."""
+"""Number of axes of an array of particles (n, N, d): n objects with N particles of d columns."""
 
 
 class Recorder:
     """Recorder that collects truth and estimate frame by frame, and evaluates them at any time.
 
-    How long an update takes depends only on its own frame, not on earlier frames.
+    The time of an update depends only on its own frame, not on the number of earlier frames.
 
     Examples
     --------
@@ -71,17 +71,18 @@ class Recorder:
         truth_weights: "States | None" = None,
         estimate_weights: "States | None" = None,
     ) -> None:
-        """Keep one frame.
+        """Add one frame.
 
         Parameters
         ----------
         t : number, datetime or ISO text
-            Time of the frame; later than the time of the frame before.
+            Time of the frame. It must be later than the time of the frame before.
         truth_ids, estimate_ids : sequence
-            Ids of the n objects of a side: texts or numbers, without duplicates.
+            Ids of the n true objects, or of the n tracks: texts or numbers, without duplicates.
         truth, estimate : (n, d) array or tensor
             States with d columns, in the order of the ids; they are copied. NaN means that the
-            object is absent. Or an array (N, d) of N particles for each id; N may differ.
+            object is absent. For particles, give an array (N, d) of N particles for each id. N can
+            differ between ids.
         truth_covariances, estimate_covariances : (n, d, d) array, optional
             Covariances of the states.
         truth_weights, estimate_weights : (n, N) array, optional
@@ -90,11 +91,12 @@ class Recorder:
         Raises
         ------
         InputError
-            An id is a duplicate, the time does not increase, the numbers of ids and of states,
-            covariances or weights differ, or the states have another number of components or
-            another kind (points, Gaussians, particles) than before. The frame is not kept.
+            An id is a duplicate, or the time does not increase. Or there are not as many states,
+            covariances or weights as ids. Or the states have another number of components or
+            another kind (points, Gaussians, particles) than in earlier frames. The frame is not
+            added.
         """
-        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # a tensor
+        t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # array or tensor
         where = f"update at t = {t}"
         self._check_time(t, where)
         size = self._size
@@ -143,12 +145,12 @@ class Recorder:
 
     @property
     def truth(self) -> Trajectories:
-        """The truth up to now."""
+        """The truth of all frames up to now."""
         return self._trajectories("truth", None)
 
     @property
     def estimate(self) -> Trajectories:
-        """The estimate up to now."""
+        """The estimate of all frames up to now."""
         return self._trajectories("estimate", None)
 
     def evaluate(self, **options: "Unpack[RecorderOptions]") -> "Result":
@@ -199,7 +201,7 @@ def _kind(spread: object) -> str:
 
 
 def _clouds(clouds: Iterable[Cloud]) -> Clouds:
-    """Return points and weights of one or more objects, one behind the other."""
+    """Join the particles of one or more objects."""
     points, weights = zip(*clouds, strict=True)
     first = np.cumsum([0, *map(len, points)])
     return Clouds(points=np.concatenate(points), weights=np.concatenate(weights), first=first)
@@ -208,7 +210,7 @@ def _clouds(clouds: Iterable[Cloud]) -> Clouds:
 def _frame(ids: object, states: Any, covariances: object, weights: Any, where: str) -> Frame:
     """Return ids as texts, a copy of the states (n, d), and their covariances or particles.
 
-    Without states, d is 0.
+    Messages begin with `where`. Without ids and states, d is 0.
     """
     from tgospa_eval.formats.frames import id_text  # lazy: imports pandas
 
@@ -250,7 +252,7 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
 
 
 def _particles(states: Any, weights: Any, where: str) -> Clouds:
-    """Return the particles of each object, with weights of the sum 1."""
+    """Return the particles of each object. Their weights are scaled to the sum 1."""
     clouds = []
     for k, each in enumerate(states):
         points = np.array(numbers_of(array_of(each, where), where))

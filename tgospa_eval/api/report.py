@@ -1,4 +1,4 @@
-"""Results as documents, tables and pictures, and a sweep as users hold it."""
+"""Base classes that print and plot results, and the public class of a sweep."""
 
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tgospa_eval.show.chart_list import Place
 
     class Drawing(Place, total=False):
-        """Keywords of the plotting methods."""
+        """Keywords of the methods that plot."""
 
         style: Literal["screen", "paper", "paper-wide"]
 
@@ -30,7 +30,7 @@ def as_frame(columns: Columns) -> "pd.DataFrame":
 
 
 class Reportable:
-    """Result that can be printed in every format and plotted; a notebook shows it as a card."""
+    """Result that is printed in every format and plotted; a notebook shows its HTML."""
 
     @property
     @abstractmethod
@@ -40,14 +40,14 @@ class Reportable:
     @property
     @abstractmethod
     def kind(self) -> str:
-        """Kind of the result, in `show.chart_list.CHARTS`."""
+        """Kind of the result, a key of `show.chart_list.CHARTS`."""
 
     @abstractmethod
     def rendered(self, format: str) -> str:
-        """Return the report in a format of the command line."""
+        """Return the report in a format that ``--format`` accepts."""
 
     def to_json(self) -> str:
-        """Return the document of ``--format json``, without NaN, with full precision."""
+        """Return the document of ``--format json``: numbers in full precision, and no NaN."""
         return self.rendered("json")
 
     def to_markdown(self) -> str:
@@ -55,14 +55,17 @@ class Reportable:
         return self.rendered("markdown")
 
     def to_latex(self, *, siunitx: bool = False) -> str:
-        """Return the tables for a paper, for the package booktabs; `siunitx` aligns digits."""
+        """Return LaTeX tables, which need the package booktabs.
+
+        With `siunitx`, digits are aligned by the package of this name.
+        """
         return self.rendered("siunitx" if siunitx else "latex")
 
     def _repr_html_(self) -> str:
         return self.rendered("html")
 
     def _plot(self, name: str, **options: Any) -> "Figure":
-        """Draw one picture, or raise a message with the names of all."""
+        """Draw one picture; for an unknown name, raise a ConfigError that lists all names."""
         from tgospa_eval.show.chart_list import CHARTS, plot  # lazy: slow to import
 
         if name not in CHARTS[self.kind]:
@@ -72,11 +75,11 @@ class Reportable:
 
 
 class StudyReport(Reportable):
-    """Study of several trackers, whose table has the requested columns."""
+    """Result with a row for each tracker or group; its tables can have chosen columns."""
 
     @abstractmethod
     def rendered(self, format: str, columns: Iterable[str] = ()) -> str:
-        """Return the report in a format, with the columns of ``--columns-of-table``."""
+        """Return the report in a format that ``--format`` accepts, with these columns."""
 
     def to_markdown(self, columns: Iterable[str] = ()) -> str:
         """Return the report for a pull request or a lab book.
@@ -94,7 +97,7 @@ class StudyReport(Reportable):
         return self.rendered("markdown", columns)
 
     def to_latex(self, columns: Iterable[str] = (), *, siunitx: bool = False) -> str:
-        """Return the tables for a paper; `columns` are those of `to_markdown`."""
+        """Return LaTeX tables as `Reportable.to_latex`, with `columns` as in `to_markdown`."""
         return self.rendered("siunitx" if siunitx else "latex", columns)
 
 
@@ -108,7 +111,7 @@ class Sweep(SweepEvaluation, Reportable):
 
     @property
     def kind(self) -> str:
-        """A sweep."""
+        """``"sweep"``."""
         return "sweep"
 
     def table(self) -> "pd.DataFrame":
@@ -117,11 +120,11 @@ class Sweep(SweepEvaluation, Reportable):
 
     def rendered(self, format: str) -> str:
         """Return the report as ``--format`` prints it."""
-        from tgospa_eval.show.comparison import sweep_document  # lazy: few show it
+        from tgospa_eval.show.comparison import sweep_document  # lazy: few sweeps are printed
         from tgospa_eval.show.table_text import rendered
 
         return rendered(format, self, sweep_document, SweepEvaluation.to_json, Sweep.columns)
 
     def plot_sweep(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot value, costs and counts against the parameter."""
+        """Plot the value, the costs and the counts over the parameter."""
         return self._plot("sweep", **options)

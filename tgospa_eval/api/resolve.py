@@ -1,4 +1,4 @@
-"""A checked request as records: how to read both sides, and what to evaluate."""
+"""Check of the options of an evaluation, which are then sorted into dataclasses."""
 
 import math
 from collections.abc import Iterable
@@ -37,34 +37,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolvedRequest:
-    """A checked request as records: how to read both sides, and what to evaluate.
+    """Checked options, sorted into dataclasses: how to read both files, and what to evaluate.
 
     Parameters
     ----------
     evaluation : EvaluationRequest
-        What to evaluate; the distance may be incomplete without the columns of the sides.
+        What to evaluate. Its distance is complete only in the answer of `request`, when the state
+        columns of the files are known.
     measure : DistanceOptions
-        Options of the distance, which needs the columns of the sides.
+        Options of the distance; with the state columns, they give the complete distance.
     reading : ReadOptions
-        How to read both sides.
+        How to read truth and estimate, as far as this is the same for both.
     each : pair of ReadOptions
-        How to read truth and estimate, with their own columns and classes.
+        How to read the truth, and how to read the estimate: `reading` with the columns, classes and
+        further options of each.
     formats : pair of str or None
         Formats of truth and estimate; None for a format that is guessed.
     conversions : pair of Conversion
         Conversions of the timestamps and states of truth and estimate.
     preprocess : str, optional
-        Benchmark whose rules omit rows.
+        Benchmark, such as ``"motchallenge"``, by whose rules rows are left out.
     frames : Frames, optional
         Coordinate frames of truth and estimate, if they are converted to one frame.
     coverage : str, optional
-        Circle, or file of regions: only rows inside are evaluated.
+        Circle or file of regions, as text of the option; rows outside are left out.
     similarity : Calibration, optional
-        Calibration of the score of similarity.
+        How ``--similarity`` turns the value per step into a score from 0 to 1.
     tracked_shares : TrackedShares
-        Thresholds of mostly tracked and mostly lost in the summary.
+        Followed shares at which the summary counts an object as "mostly tracked" or "mostly lost".
     allow_empty : bool
-        Whether filters may leave no row.
+        If true, it is no error that filters leave no row.
     """
 
     evaluation: EvaluationRequest
@@ -82,7 +84,7 @@ class ResolvedRequest:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """Options of reading that change the number, by the names of the JSON document."""
+        """Options of reading that can change the number, as the JSON document names them."""
         return {
             "decimal": self.reading.decimal,
             "on_duplicate": self.reading.on_duplicate,
@@ -122,12 +124,13 @@ class ResolvedRequest:
         }
 
     def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
-        """Return the request for states with these columns.
+        """Return `evaluation` with the complete distance for states with these columns.
 
         Raises
         ------
         ConfigError
-            An option names a column that the distance does not use.
+            An option names a column that is not in `columns`; or states are in degrees and no
+            distance is chosen.
         """
         distance, conversion = self.measure.distance(columns), self.conversions[1]
         if self.frames is not None:
@@ -141,22 +144,23 @@ class ResolvedRequest:
 
 
 def resolve_request(options: Request) -> ResolvedRequest:
-    """Return the records of the options.
+    """Check the options of an evaluation, and sort them into dataclasses.
 
     Raises
     ------
     ConfigError
         A value is out of range, or options contradict each other.
     InputError
-        The file of a covariance is missing or wrong.
+        A file that an option names, such as that of a covariance, is missing or wrong.
     """
-    # A file may change from one job of a batch to the next; options do not, if they are texts.
+    # Answers are cached by options. Not cached: options that name a file (it may change between two
+    # jobs of a batch) and options with arrays (they cannot be hashed).
     named = options.covariance, options.inner_cov, options.step_weights, options.ignore_regions
     if any(name is not None for name in named):
         return _resolved(options)
     try:
         hash(options)
-    except TypeError:  # arrays cannot be hashed
+    except TypeError:
         return _resolved(options)
     return _kept(options, surface.get())
 
@@ -221,7 +225,11 @@ def _resolved(options: Request) -> ResolvedRequest:
 
 @lru_cache(maxsize=8)
 def _kept(options: Request, _: str) -> ResolvedRequest:
-    """Return the records. Readers keep names of options, so each surface has its own records."""
+    """Return the cached answer of `_resolved` for these options and this spelling of options.
+
+    The answer contains names of options for messages. The command line and Python spell them
+    differently, so each has cached answers of its own.
+    """
     return _resolved(options)
 
 
@@ -233,7 +241,21 @@ def _reading(
     numbered: bool,
     nees: bool,
 ) -> ReadOptions:
-    """Return how to read both sides, with these columns in addition to the states."""
+    """Return the options of reading that truth and estimate share.
+
+    Parameters
+    ----------
+    options : Request
+        The options.
+    measure : DistanceOptions
+        Options of the distance.
+    columns : tuple of str
+        Columns to read in addition to those of the states.
+    numbered : bool
+        Whether rows need their position in the file.
+    nees : bool
+        Whether to read covariances or particles for NEES.
+    """
     return ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -278,7 +300,7 @@ def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion
 
 
 def _time_matching(options: Request) -> TimeMatching:
-    """Return how the times of both sides are matched."""
+    """Return how to match the times of the truth with those of the estimate."""
     return TimeMatching(
         tolerance=options.time_tolerance,
         grid=options.grid,
@@ -292,23 +314,24 @@ def _time_matching(options: Request) -> TimeMatching:
 
 
 def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
-    """Return the slices of costs, and the columns that they may need."""
+    """Return the requested slices of costs, and the columns of files by which they slice."""
     if not options.slices:
         return (), ()
-    from tgospa_eval.evaluation.slicing import parse_slices, requested_columns  # lazy: as weights
+    # lazy: few evaluations have slices
+    from tgospa_eval.evaluation.slicing import parse_slices, requested_columns
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
     return slices, requested_columns(slices)
 
 
 def _ignoring(options: Request) -> "Ignoring | None":
-    """Return the rules for ignored states, if there are any."""
+    """Return the rules by which states are ignored; None if no option ignores states."""
     speed = options.max_speed or 0.0
     marks = (options.preprocess or "").endswith(":ignore")
     has_more = options.max_speed is not None or options.ignore_regions is not None
     if not (options.ignore or marks or has_more):
         return None
-    from tgospa_eval.evaluation.ignoring import (  # lazy: as weights
+    from tgospa_eval.evaluation.ignoring import (  # lazy: few evaluations ignore states
         GAPS,
         IN_REGIONS,
         OUTSIDE,
@@ -354,8 +377,8 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
 
 def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
-    """Return how to read a truth with all columns that the rules of a benchmark need."""
-    # lazy: as above
+    """Add the columns that the rules of a benchmark need to `truth`, the options of its reading."""
+    # lazy: few evaluations follow the rules of a benchmark
     from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, evaluated_class
 
     rule = str(options.preprocess)
@@ -384,17 +407,17 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
 
 
 def _form(options: Request, role: str) -> "TimeForm | None":
-    """Return the declared format of the times of a side, if any."""
+    """Return the format and zone of times that options declare for the file of a role, if any."""
     given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
     if given == [None, None]:
         return None
-    from tgospa_eval.formats.clocks import TimeForm  # lazy: as weights
+    from tgospa_eval.formats.clocks import TimeForm  # lazy: few evaluations declare a format
 
     return TimeForm(format=given[0] or "", zone=given[1] or "", role=role)
 
 
 def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
-    """Return the coordinate frames of both sides, if any is declared."""
+    """Return the coordinate frames of truth and estimate; None if no option declares a frame."""
     given = options.truth_crs, options.estimate_crs
     if given == (None, None):
         if options.origin is not None:
@@ -403,7 +426,8 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
                 "say which is local"
             )
         return None
-    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # lazy: as weights
+    # lazy: few evaluations convert coordinates
+    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin
 
     truth, estimate = (
         parse_frame(text or "lat,lon", option(f"{role}_crs"))
@@ -424,7 +448,10 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
 
 
 def _of_tables(options: Request, side: str) -> str:
-    """Return an option of one side that only files and tables support, if one is in use."""
+    """Return the name of the first option in use that needs a file or table; a blank for none.
+
+    The options for `side` (``"truth"`` or ``"estimate"``) come first, then those for both.
+    """
     of_both = (
         *("columns", "decimal", "on_duplicate", "on_invalid", "day_begins"),
         *("time", "class_", "region", "where", "by"),
@@ -436,7 +463,7 @@ def _of_tables(options: Request, side: str) -> str:
 
 
 def _calibration(options: Request) -> Calibration | None:
-    """Return the calibration of the score of ``--similarity``, if it was requested."""
+    """Return how ``--similarity`` makes a score; None if the option is not given."""
     if options.similarity is None:
         return None
     try:
@@ -460,7 +487,12 @@ def _each(
     frames: "Frames | None",
     ignoring: "Ignoring | None",
 ) -> tuple[ReadOptions, ReadOptions]:
-    """Return how to read truth and estimate; options of one side override common ones."""
+    """Return how to read the truth, and how to read the estimate.
+
+    `reading` has what both share. An option for one of them, such as ``--truth-class``, has
+    priority over the option for both. Conditions of ``--truth-where`` are added to those of
+    ``--where``.
+    """
     own = (
         (_list(options.truth_columns), _list(options.truth_class), options.truth_where),
         (_list(options.estimate_columns), _list(options.estimate_class), options.estimate_where),
@@ -490,7 +522,9 @@ def _each(
             option=f"{side}_columns",
             form=_form(options, role),
             of_tables=_of_tables(options, role),
-            conversion=Conversion() if measure.is_record else conversion,  # else angles are known
+            # With a distance object, the angles among the columns are known only after reading,
+            # and `read_pair` converts the states then.
+            conversion=Conversion() if measure.is_record else conversion,
         )
         for (names, classes, where), (
             columns,
@@ -507,14 +541,14 @@ def _each(
 
 
 def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return the parts of a list, or of a text with commas."""
+    """Return the names in a text with commas, or in an iterable; None for no option."""
     if names is None:
         return None
     return tuple(part.strip() for part in (names.split(",") if isinstance(names, str) else names))
 
 
 def _solver(options: Request) -> Solver:
-    """Return the solver of the options."""
+    """Return the solver that the options choose, with its settings."""
     if not isinstance(options.solver, str):
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:

@@ -1,4 +1,4 @@
-"""Evaluations as users hold them: records with methods that show, save, split and explain."""
+"""Public classes of results, with methods that show, plot, save, split and explain them."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn, overload
@@ -33,35 +33,35 @@ PUBLIC = (
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
     *("plot_windows", "plot_worst"),
 )
-"""Names that ``dir`` lists: those of the JSON, the tables, and what can be made of them."""
+"""Attributes that ``dir`` lists: values of the JSON document, tables, and public methods."""
 
 
 class Showable(Evaluation, Reportable):
-    """Evaluation with its pictures, pages and slices."""
+    """Evaluation with methods that make pictures, reports and slices."""
 
     def __dir__(self) -> list[str]:
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:
-        """Split costs and counts by attributes of truth and estimate at each step.
+        """Split costs and counts by an attribute, such as the class or the range at each step.
 
-        Localisation errors and missed targets are split by the attribute of the true object at the
-        step, false targets by the attribute of the estimate, and switches by the attribute of the
-        true object at the later of the two steps. Slices add up to the whole. If several
-        assignments are optimal, another one may give other slices; `Slicing.unique` is true if the
-        assignment is proven to be the only one.
+        A localisation error or a missed target belongs to the attribute of the true object at the
+        step. A false target belongs to that of the estimate. A switch belongs to that of the true
+        object at the later of the two steps. Slices add up to the whole. If several assignments are
+        optimal, another one could give other slices. `Slicing.unique` is true if the assignment is
+        proven to be the only one.
 
         Parameters
         ----------
         *by : str
             Slices as for ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
-            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. A
-            further column of the files, such as visibility, must be named there.
+            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. Only
+            that option reads further columns of the files, such as ``visibility``.
 
         Returns
         -------
         tuple of Slicing
-            One for each argument, with `Slicing.frame`.
+            One for each argument; `Slicing.frame` makes a DataFrame.
 
         Raises
         ------
@@ -82,26 +82,26 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot the cost of each step, stacked: localisation, missed, false, switch.
+        """Plot the cost of each step as a bar, stacked: localisation, missed, false, switch.
 
-        If there are more steps than can be drawn, each bar is the costliest of several steps; the
-        axis shows how many.
+        With too many steps for this, each bar is the costliest of several steps. The axis says of
+        how many.
 
         Parameters
         ----------
         style : {"screen", "paper"}
             ``"screen"`` has a title; ``"paper"`` fits one column of a journal.
         components : sequence of str, optional
-            Parts of the cost to plot, of ``"localisation"``, ``"missed"``, ``"false"``,
+            Parts of the cost to plot: some of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
         ax, figure : Axes, Figure or SubFigure of matplotlib, optional
-            Axes for a picture of one panel, which then has no title; or an empty figure. The
-            default is a new figure.
+            Where to draw: Axes if the picture has one panel, which then has no title; or an empty
+            figure. The default is a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Figure without a window.
+            The figure. It is not opened in a window.
 
         Raises
         ------
@@ -119,20 +119,20 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot, for each step, the root of the mean cost of all steps up to this one.
 
-        The assignment is that of the whole recording. With ``evaluate(..., curve=True)`` the steps
-        up to each step have an assignment of their own. The last
-        value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
+        The costs are those of the assignment of the whole recording. With
+        ``evaluate(..., curve=True)``, the steps up to each step are evaluated by themselves. The
+        last value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
         those of `plot_costs`; the total is always drawn.
         """
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot a lane for each true object with its estimates, and lanes of false tracks.
+        """Plot a lane for each true object with the tracks that follow it, and for false tracks.
 
-        A framed gap is a missed target, a triangle is a switch, and the darker lower part of a bar
-        is the error as a share of the cutoff. If there are too many trajectories, the costliest
-        have lanes. The others share one lane, whose height is the number of missed or false
-        targets. Parameters, errors and return value are those of `plot_costs`.
+        A framed gap is a missed target, and a triangle is a switch. The darker lower part of a bar
+        is the error as a share of the cutoff. If there are too many trajectories, only the
+        costliest have lanes of their own. The others share one lane, whose height is the number of
+        missed or false targets. Parameters, errors and return value are those of `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
 
@@ -145,9 +145,9 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot trajectories in two state columns, with missed and false targets and switches.
 
-        Boxes, 95 % ellipses of normal distributions, and particles are drawn at some steps of a few
-        trajectories, if the states have them and the two columns show them. A second panel shows
-        all such shapes near the assigned pair with the largest distance.
+        States can be boxes, normal distributions (drawn as 95 % ellipses) or particles. Then these
+        shapes are drawn at some steps of a few trajectories. A second panel shows all shapes near
+        the assigned pair with the largest distance. Both need two columns that show the shapes.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Showable(Evaluation, Reportable):
         Returns
         -------
         matplotlib.figure.Figure
-            Belongs to no window.
+            The figure. It is not opened in a window.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot the NEES of each step, with its 95 % band.
+        """Plot the NEES of each step, with the band that it should be in with probability 95 %.
 
         NEES is the squared error in units of the covariance. For particle clouds a second panel
         shows the rank of the truth among the particles.
@@ -192,7 +192,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot the root of the mean cost of each sliding window at its middle, as in `windows`.
+        """Plot, at the middle of each sliding window, the root of the mean cost of its steps.
 
         Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
 
@@ -210,16 +210,16 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot the costliest steps, true objects and estimates, and their costs.
+        """Plot the costs of the costliest steps, true objects and estimates.
 
-        Parameters, errors and return value are those of `plot_costs`; only the costs of
-        `components` count.
+        Parameters, errors and return value are those of `plot_costs`. With `components`, only these
+        parts of the cost count.
         """
         return self._plot("worst", style=style, components=components, **place)
 
     @property
     def plot_data(self) -> "PlotData":
-        """Data of page and pictures: `show.plot_data.PlotData`."""
+        """Data of the HTML page and of the pictures."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -236,10 +236,11 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str) -> Columns: ...
 
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
-        """Return one row with all numbers, as in a batch; or the columns of a table by its name.
+        """Return a DataFrame of one row with all numbers, like a row of `Batch.rows`.
 
-        Names are those of the DataFrames, and ``"per_class"``. A table that was not requested has
-        no columns.
+        With `name`, return a table as plain columns instead. Names are those of the DataFrames of a
+        result, such as ``"per_step"``, and ``"per_class"``. A table that was not requested has no
+        columns.
 
         Raises
         ------
@@ -248,7 +249,7 @@ class Showable(Evaluation, Reportable):
         """
         if name is not None:
             return super().table(name)
-        from tgospa_eval.campaign.row import row_of  # lazy: few ask for it
+        from tgospa_eval.campaign.row import row_of  # lazy: few programs read this row
 
         return as_frame({key: [value] for key, value in row_of(self).items()})
 
@@ -264,13 +265,13 @@ class Showable(Evaluation, Reportable):
         return card(self)
 
     def to_html(self) -> str:
-        """Return the report as one HTML page that loads no other files."""
+        """Return the report as an HTML page that loads no other files."""
         from tgospa_eval.show.html import page  # lazy: jinja2 is slow to import
 
         return page(self)
 
     def to_geojson(self) -> str:
-        """Return tracks, missed and false targets, errors and switches as GeoJSON, for maps.
+        """Return tracks, missed and false targets, errors and switches as GeoJSON for a map.
 
         Raises
         ------
@@ -282,21 +283,21 @@ class Showable(Evaluation, Reportable):
         return geojson(self)
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-        """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
+        """Write a result folder, as ``-o`` does: JSON, tables, the HTML page and the pictures.
 
-        The pictures are written with the extra ``plot``.
+        Pictures are written if the extra ``plot`` is installed.
 
         Parameters
         ----------
         folder : str or path
             Folder to write. An earlier result in it is replaced.
         force : bool
-            Whether the folder may have other files.
+            Whether to write although the folder has other files.
 
         Raises
         ------
         ConfigError
-            The folder cannot be written, or has other files.
+            The folder cannot be written, or it has other files and `force` is false.
         """
         from tgospa_eval.show.files import save  # lazy: jinja2 is slow to import
 
@@ -304,26 +305,26 @@ class Showable(Evaluation, Reportable):
 
 
 class Proof(PairProof):
-    """Proof of a result that can be saved for others; the fields are those of `PairProof`."""
+    """Proof of a result, which can be saved for others to check. Its fields are in `PairProof`."""
 
     def __repr__(self) -> str:
         low, high = self.bounds.lower, self.bounds.upper
         return f"Proof({low:.17g} <= total / c^p <= {high:.17g}, {self.parameters.in_words()})"
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-        """Write the proof folder: what a third party needs to check the bounds again.
+        """Write a proof folder: all that others need to check the bounds.
 
         Parameters
         ----------
         folder : str or path
             Folder to write. An earlier proof in it is replaced.
         force : bool
-            Whether the folder may have other files.
+            Whether to write although the folder has other files.
 
         Raises
         ------
         ConfigError
-            The folder cannot be written, or has other files.
+            The folder cannot be written, or it has other files and `force` is false.
         SolverError
             The checker does not confirm the bounds.
         """
@@ -336,20 +337,22 @@ class Proof(PairProof):
 class Result(Showable, PairEvaluation):
     """Result of one evaluation.
 
-    Attributes have the names of the JSON document; tables are built when they are read.
+    Attributes have the names of the JSON document; a table is built when it is read.
 
     Parameters
     ----------
     proof : Proof
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
-        `labels` has times and ids, and `gap` is the relative difference of the bounds that counts
-        as exact. `settings` and `solver` are options; the others tell where the result is from.
+        `labels` has times and ids. `gap` is the largest relative gap between the bounds that counts
+        as exact. `settings` has every option that changes the number. `solver` has the name, status
+        and progress of the solver, and `timings` has the seconds of each stage. `input` has rows
+        and digests of both files, and `version` is that of this package.
     source : pair of AlignedPair and EvaluationRequest, optional
-        Data and request of the evaluation.
+        Data of the evaluation, and what was requested.
     assigned : mapping of str to (N,) float array
-        More values of the N assigned pairs, in the order of the table of assignments: parts of the
-        cost by name, and ``nees``.
+        More values of the N assigned pairs, in the order of the rows of `assignments`. The keys are
+        the names of parts of the cost, and ``nees``.
     explained : Explanation, optional
         Repairs with the largest savings, if requested.
     """
@@ -366,7 +369,7 @@ class Result(Showable, PairEvaluation):
         Parameters
         ----------
         top : int
-            Largest number of repairs to list; up to twice as many are tried.
+            Largest number of repairs to list. Up to twice as many are tried.
 
         Returns
         -------
@@ -383,10 +386,10 @@ class Result(Showable, PairEvaluation):
         return explain(self, top)
 
     def gradient(self) -> "Gradient":
-        """Return the derivative of the cost by estimated states, cutoff and switch penalty.
+        """Return the derivatives of the cost by estimated states, cutoff and switch penalty.
 
-        The reported assignment is fixed (envelope theorem). If the optimal assignment is unique,
-        this is the derivative of the metric. Otherwise it is one of several directional
+        The assignment is kept as reported (envelope theorem). If the optimal assignment is unique,
+        these are the derivatives of the metric. Otherwise each is one of several directional
         derivatives. `Gradient.unique` is true if the assignment is proven to be unique.
 
         Returns
@@ -406,24 +409,27 @@ class Result(Showable, PairEvaluation):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ByClass(Showable, EvaluationByClass):
-    """One result for each class, and their sum: totals, bounds, counts and parts add up.
+    """Result for each class, and their sum: totals, bounds, counts and parts are added up.
 
     Parameters
     ----------
     results : dict of str to Result
-        Results by class, in order; at least one.
+        Results by class, at least one, in the order of the output.
     """
 
     results: dict[str, Result]
 
 
 def result_of(evaluation: PairEvaluation) -> Result:
-    """Return the public result of an evaluation."""
+    """Return an evaluation as a `Result`, whose proof is a `Proof`."""
     return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
 
 
 class ResultInParts(Showable, PartitionedResult):
-    """Result of data in parts: sums in memory, and tables in files that are removed with it."""
+    """Result of data in parts: sums are in memory, and tables are in temporary files.
+
+    `evaluate` removes these files when the result is deleted.
+    """
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
         if by:

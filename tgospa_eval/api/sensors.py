@@ -34,20 +34,21 @@ if TYPE_CHECKING:
 
 
 FIRST_ROWS = 10
-"""Rows of associations that are printed."""
+"""Number of rows of the table of associations that ``print`` shows."""
 
 
 class Association(Pairing):
-    """States of two sensors, paired.
+    """Result of `associate`: the states of two sensors, associated step by step.
 
     Parameters
     ----------
     first, second : Trajectories
-        The sides, on the same times.
+        States of the first and of the second sensor, on the same time steps.
     pairs : Pairs
-        Pairs of states of one step: those nearer than the cutoff, or all if requested.
+        N pairs of states of the same step, whose distance was measured: those nearer than the
+        cutoff, or all if requested.
     apart : (N,) float array
-        Distance of the means in each of the N pairs.
+        Distance between the means of the two states of each pair.
     chosen : (N,) bool array
         Whether each pair was associated.
     cutoff : float
@@ -66,14 +67,16 @@ class Association(Pairing):
         return association_text(self, limit=FIRST_ROWS, rest="associations").rstrip("\n")
 
     def table(self, name: str) -> Columns:
-        """Return plain columns of ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
+        """Return a table as plain columns.
+
+        `name` is ``"associations"``, ``"costs"`` or ``"cross_covariances"``.
 
         Raises
         ------
         ConfigError
             The table is unknown.
         InputError
-            Cross-covariances are requested, but no side has particles.
+            Cross-covariances are requested, but neither sensor has particles.
         """
         tables = {
             "associations": self.associations_table,
@@ -94,12 +97,12 @@ class Association(Pairing):
     )
 
     def frame(self, name: str) -> "pd.DataFrame":
-        """Return a table as a DataFrame."""
+        """Return a table as a DataFrame; `name` as for `table`."""
         return as_frame(self.table(name))
 
     @property
     def plot_data(self) -> "PlotData":
-        """Data of page and picture: `show.plot_data.PlotData`."""
+        """Data of the HTML page and of the picture."""
         from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
@@ -107,27 +110,29 @@ class Association(Pairing):
     def plot_plane(
         self, *, columns: tuple[str, str] | None = None, style: str = "screen"
     ) -> "Figure":
-        """Plot both sides in two state columns, with pairs, single states and gates.
+        """Plot the states of both sensors in two state columns.
 
-        Parameters, errors and return value are those of `Result.plot_plane`.
+        The picture also shows which states are associated, which have no partner, and the gates
+        around the states of A. Parameters, errors and return value are those of
+        `Result.plot_plane`.
         """
         from tgospa_eval.show.chart_list import plot  # lazy: slow to import
 
         return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
-        """Return an HTML page that loads no other files; `names` are names of the sides."""
+        """Return an HTML page that loads no other files; `names` are names of the two sensors."""
         from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
         return association_page(self, names)
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-        """Write page, table and, with the extra `plot`, picture to a folder.
+        """Write the HTML page and the table to a folder; with the extra ``plot``, also the picture.
 
         Raises
         ------
         ConfigError
-            The folder has other files and `force` is false, or it cannot be written.
+            The folder has other files and `force` is false, or the folder cannot be written.
         """
         from tgospa_eval.show.files import save  # lazy: slow to import
 
@@ -138,7 +143,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options of `associate` under the names of a request."""
+    """Return the options of `associate` with the fields of a `Request` that it does not offer."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -150,7 +155,7 @@ def associate_sides(
     *,
     all_pairs: bool,
 ) -> Association:
-    """Associate two sides; `names` are used in messages."""
+    """Associate the states of two sensors; messages call the sensors by `names`."""
     fitted, _ = align_sides(resolved, sides, names)
     pairing = associate_states(
         fitted.alignment.truth,
@@ -164,7 +169,7 @@ def associate_sides(
 
 
 def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
-    """Return the options of reduction, and those of reading."""
+    """Return how to reduce clouds to `size` particles, and how to read them."""
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
     return how, resolve_request(replace(request, distance="cloud-wasserstein", **fixed))
@@ -173,12 +178,12 @@ def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
 def reduce_side(
     side: Reading, how: Reduction, name: str, resources: Resources
 ) -> tuple[Trajectories, Columns]:
-    """Return the clouds of a side with fewer particles, and a row of changes for each cloud.
+    """Reduce particle clouds. Also return a table that says what changed in each cloud.
 
     Raises
     ------
     InputError
-        The side has no clouds.
+        `side` has no clouds.
     """
     if side.trajectories.clouds is None:
         raise InputError(
@@ -193,7 +198,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Read sides as estimates are read, with a Python warning if data look wrong."""
+    """Read each side as an estimate is read; issue a Python warning if data look wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
@@ -227,20 +232,20 @@ def associate(
     Parameters
     ----------
     a, b : path, Trajectories, DataFrame, array, mapping or set of tracks
-        States of the sensors, in any form of a side of `evaluate`.
+        States of the first and of the second sensor, in any form that `evaluate` accepts.
     cutoff : float
-        c > 0, in the unit of the distance.
+        Cutoff c > 0, in the unit of the distance.
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     all_pairs : bool
         Whether to measure all pairs of each step. By default only pairs that may be nearer than the
         cutoff are measured; the association is the same.
     a_format, b_format : str, optional
-        Formats of files.
+        Formats of the files `a` and `b`, if these are paths.
     a_columns, b_columns : str or sequence of str, optional
-        Option `columns` for one side.
+        As the option `columns`, but only for `a` or `b`.
     a_where, b_where : str or sequence of str
-        Option `where` for one side.
+        As the option `where`, but only for `a` or `b`.
 
     Returns
     -------
@@ -250,7 +255,7 @@ def associate(
     Raises
     ------
     ConfigError, InputError, TypeError
-        An option or a side is wrong, as for `evaluate`.
+        An option or a sensor's data are wrong, as for `evaluate`.
     """
     of_sides = {
         "truth_format": a_format,
@@ -283,25 +288,25 @@ def reduce(
     Parameters
     ----------
     side : path, Trajectories, DataFrame, array, mapping or set of tracks
-        Particle clouds, in any form of a side of `evaluate`.
+        Particle clouds, in any form that `evaluate` accepts.
     size : int
         Number of particles of each cloud; smaller clouds stay as they are.
     mapping : sequence of int, optional
         Components to compare, as in `evaluate`.
     in_format : str, optional
-        Format of a file.
+        Format of `side`, if it is a path.
 
     Returns
     -------
     Trajectories
-        The side with reduced clouds.
+        The data with reduced clouds.
     DataFrame
-        A row for each cloud: the columns of ``reduce --format csv``.
+        What changed: a row for each cloud, with the columns of ``reduce --format csv``.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        An option or the side is wrong, as for `evaluate`; or the side has no particles.
+        An option or `side` is wrong, as for `evaluate`; or `side` has no particles.
     """
     request = requested({**options, "truth_format": in_format})
     how, resolved = reducing(request, size)

@@ -1,4 +1,4 @@
-"""Command line: a group of verbs, each imported when it is used."""
+"""Command line ``tgospa-eval``: its entry point, and the exit status of errors."""
 
 import atexit
 import gc
@@ -25,26 +25,26 @@ from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
 from tgospa_eval.quoting import COMMAND, spelled_for
 
 # -------------------------------------------------------------------------------------------------
-# Under a limit of memory (``ulimit -v``) a child does the work.
+# If memory is limited (``ulimit -v``), a child process does the work.
 #
-# Compiled code that gets no memory aborts, or exits with any status, even that of a regression. The
-# parent process is left to report the lack of memory.
+# Compiled code that gets no memory can abort, or exit with any status, even that of a regression.
+# Then the parent process still reports that memory was too little.
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
-"""Signals that end a program without memory; other signals have other causes."""
+"""Signals that can end a process because it lacks memory; other signals have other causes."""
 
 PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def guarded(work: Callable[[], int], interrupted: int) -> int:
-    """Do the work and return its status, or 4 if it ended without a status.
+    """Do the work and return its exit status; 4 if a lack of memory ended it.
 
     Parameters
     ----------
     work : callable
-        Callable that returns the status.
+        Function that does the work and returns the exit status.
     interrupted : int
-        Status of the work if it was interrupted.
+        Exit status if the user interrupts the work.
     """
     limit = _limit()
     if limit is None:
@@ -59,8 +59,8 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
-        os.setpgid(0, 0)  # a terminal interrupts only the parent, which passes it on
-        # Each thread takes address space; without it OpenBLAS waits for ever, or interrupts us.
+        os.setpgid(0, 0)  # a terminal then interrupts only the parent, which passes the signal on
+        # Each thread takes address space. If that is lacking, OpenBLAS hangs or interrupts us.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         status = work()
         os.write(mark, b"\n")
@@ -70,7 +70,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
 
     def pass_on(number: int, _: object) -> None:
         heard.append(number)
-        # The second Ctrl-C ends the work at once, also where compiled code answers no signal.
+        # The second Ctrl-C kills the child, even while compiled code does not react to signals.
         os.kill(child, signal.SIGKILL if heard.count(signal.SIGINT) > 1 else number)
 
     for number in passed_on:
@@ -83,7 +83,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
     if finished or status == interrupted:
         return status
     if status < 0 and signal.Signals(-status).name not in FATAL:
-        with suppress(OSError):  # two of the signals cannot have a handler
+        with suppress(OSError):  # SIGKILL and SIGSTOP cannot have a handler
             signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
     print_notice(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
@@ -91,7 +91,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
 
 
 def _limit() -> int | None:
-    """Return bytes that the process may take, if there is a limit."""
+    """Return the limit of memory of this process in bytes; None if there is none."""
     if sys.platform == "win32":
         return None
     import resource
@@ -101,18 +101,21 @@ def _limit() -> int | None:
 
 
 NEW_OBJECTS = 50_000
-"""Number of new objects that starts garbage collection, which finds next to nothing. Python's
-default of 700 costs 3 % of the time of a small evaluation, and 4 % with pictures."""
+"""Number of new objects after which Python searches for garbage. There is next to nothing to free.
+The default of 700 costs 3 % of the time of a small evaluation, and 4 % with pictures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with the status of docs/reference/cli.md."""
-    # Memory is freed with the process: to search all modules for cycles first takes as long as
-    # a small evaluation.
+    """Run the command line, and exit with a status that docs/reference/cli.md describes.
+
+    Without `arguments`, those of the process are used.
+    """
+    # At exit, Python would search all modules for garbage. That takes as long as a small evaluation
+    # and is of no use, because the memory of the process is freed anyway.
     atexit.register(gc.freeze)
-    if arguments is None:  # a process of its own
+    if arguments is None:  # this process runs nothing else
         gc.set_threshold(NEW_OBJECTS)
-        # Matrices are small: threads of BLAS cost more time to start than a small evaluation takes.
+        # Matrices are small. To start threads of BLAS takes longer than a small evaluation.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     files.announce = print_notice
 
@@ -132,9 +135,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     status: int | None
     try:
         status = _invoke(None if arguments is None else list(arguments))
-        if interrupted():  # does not wait for threads that are still in compiled code
+        if interrupted():  # end without waiting for threads that are still in compiled code
             _end_interrupted()
-    except SystemExit:  # click exits with 1 where a pipe has no reader
+    except SystemExit:  # click exits with 1 if nobody reads a pipe, which is no error
         status = 0
     except TgospaError as error:
         print_notices(str(error))
@@ -150,14 +153,17 @@ def _run(arguments: Sequence[str] | None) -> int:
         status = max(error.exit_code, ExitStatus.WRONG_OPTION)
     except (KeyboardInterrupt, click.Abort):
         print_notice("interrupted")
-        _end_interrupted()  # a solver may be deep in compiled code, in its own thread
+        _end_interrupted()  # end without waiting for a solver in compiled code, in its own thread
     except (OSError, MemoryError, ImportError, RuntimeError, SystemError) as error:
         status = _print_lacking(error)
     return status or 0
 
 
 def _print_lacking(error: Exception) -> int:
-    """Report a lack of memory, disk or threads, which is not a bug; return the status."""
+    """Report a lack of memory, of space on a disk or of threads, and return the exit status.
+
+    Any other error is raised again, because it is a bug.
+    """
     if is_of_memory(error):
         print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
@@ -169,7 +175,7 @@ def _print_lacking(error: Exception) -> int:
 
 
 def _end_interrupted() -> None:
-    """End at once, with what was printed."""
+    """End the process at once. What was printed before is still written."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
@@ -178,22 +184,22 @@ def _end_interrupted() -> None:
 
 def _invoke(arguments: list[str] | None) -> int | None:
     """Run the command line, and check that its output was written."""
-    if sys.stderr is None:  # otherwise the next file that is opened takes its number
+    if sys.stderr is None:  # otherwise the next file that is opened would get its number, 2
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     check_stdout()
     try:
         status: int | None = cli.main(
             args=arguments, prog_name="tgospa-eval", standalone_mode=False
         )
-    except OSError as error:  # click prints the help and may fail
+    except OSError as error:  # for example if click cannot write the help
         check_written(error)
         raise
     return status
 
 
 def _print_internal(error: Exception) -> None:
-    """Print the traceback of a bug, and a sentence."""
-    import traceback  # lazy: there should be none
+    """Print the traceback of a bug, and ask the user to report it."""
+    import traceback  # lazy: only for bugs
 
     print_notices("".join(traceback.format_exception(error)).rstrip("\n"))
     print_notice(f"internal error: {type(error).__name__}: {error}; please report it")

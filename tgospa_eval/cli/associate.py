@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""Options of `evaluate` that this verb has."""
+"""Names in a settings file of the options of ``evaluate`` that this verb has, too."""
 
 _output = partial(Option, section="Output")
 
@@ -142,7 +142,7 @@ def command(
 
 
 def _document(association: "Association", resolved: "ResolvedRequest") -> "Json":
-    """Return the document of ``associate``."""
+    """Return the JSON document of ``associate``."""
     from tgospa_eval.results.records import records
 
     columns = association.first.columns
@@ -171,10 +171,10 @@ def _document(association: "Association", resolved: "ResolvedRequest") -> "Json"
 def read_states(
     paths: tuple[str, ...], resolved: "ResolvedRequest", formats: tuple[str, ...], *, quiet: bool
 ) -> "tuple[Reading, ...]":
-    """Read the states of sensors; files in the format of a challenge are read as results.
+    """Read the states of sensors, and print notices about the files.
 
-    `formats` are the options for the formats, which messages name instead of those of truth and
-    estimate.
+    Files in the format of a benchmark are read like results of trackers, not like a truth. Messages
+    name the options in `formats`, such as ``--a-format``, instead of those of truth and estimate.
     """
     from tgospa_eval.api.notices import about
     from tgospa_eval.api.reading import read_pair
@@ -194,7 +194,7 @@ def read_states(
 
 
 def run_with_resources(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
-    """Do work with a number of threads, and show its progress."""
+    """Call `work` with resources for this number of threads, and show its progress."""
     from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Resources
 

@@ -1,4 +1,4 @@
-"""``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
+"""``tgospa-eval batch``: evaluation of a whole benchmark or study, stored and tabulated."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "over", "output", "force"),
     *("format_", "columns_of_table", "pictures", "style", "config", "quiet"),
 }
-"""Parameters that ``batch report`` uses."""
+"""Names of the parameters that also apply to ``batch report``."""
 
 
 @click.command(
@@ -89,7 +89,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if done.page:
         try:
             _write(done.store, tables, output)
-        except ConfigError as error:  # the rows are stored already
+        except ConfigError as error:  # no failure of the batch: all rows are stored
             print_notice(f"the page was not written: {error}")
     for text in () if output.quiet else done.notices:
         print_notice(text)
@@ -99,7 +99,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
 
 
 def _write(store: "Store", tables: "BatchTables", output: click_builder.OutputOptions) -> None:
-    """Write the page of a batch, its curves and pictures to the folder of ``-o``.
+    """Write the HTML page of a batch, its curves and pictures to the folder of ``-o``.
 
     Raises
     ------
@@ -118,12 +118,12 @@ def _write(store: "Store", tables: "BatchTables", output: click_builder.OutputOp
 
 
 def _check_typed(ctx: click.Context) -> None:
-    """Check that all options apply to stored rows.
+    """Check that all typed options apply to ``batch report``.
 
     Raises
     ------
     click.UsageError
-        An option is for evaluations, which a report does not make.
+        An option is only for evaluating, but a report shows stored results.
     """
     given = typed_options(ctx)
     for name in ctx.params:

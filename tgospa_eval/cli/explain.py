@@ -10,7 +10,7 @@ from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option, t
 from tgospa_eval.errors import ConfigError, ExitStatus
 
 LEFT_ASIDE = ("by", "preprocess")
-"""Options of evaluations that this verb lacks; a settings file may have them."""
+"""Options of evaluations that this verb does not support; in a settings file they are ignored."""
 
 _output = partial(Option, section="Output")
 

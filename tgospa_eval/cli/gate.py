@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tgospa_eval.results.evaluation import Evaluation
 
 TYPED = "tgospa_eval.typed"
-"""Key of the context for the arguments as they were typed."""
+"""Key of the click context for the arguments as they were typed."""
 
 AGAINST = "TGOSPA_EVAL_AGAINST"
 
@@ -46,16 +46,20 @@ GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
-    """Command that keeps its arguments, to repeat them in messages, and the value of --against."""
+    """Command that keeps two things before parsing.
+
+    These are its arguments, which messages repeat, and the target of ``--against``, from which
+    configuration is read.
+    """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep the arguments, then parse them."""
+        """Keep the arguments and the target, then parse the arguments."""
         ctx.meta[TYPED] = tuple(args)
-        with suppress(click.UsageError, ConfigError):  # the same errors are raised again
+        with suppress(click.UsageError, ConfigError):  # the parsing below raises them again
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
             if where:
-                from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have one
+                from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have a target
 
                 ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
         return super().parse_args(ctx, args)
@@ -124,12 +128,12 @@ def _run(
     estimate: str | None,
     output: OutputOptions,
 ) -> int:
-    """Judge, print and write; return the exit status.
+    """Judge, print the report and write files; return the exit status.
 
     Raises
     ------
     TgospaError
-        No rule can be judged.
+        Nothing can be judged. Requested files and JSON have the error, too.
     """
     from tgospa_eval._version import __version__
     from tgospa_eval.api.gate import judge_all
@@ -168,7 +172,7 @@ def _run(
             version=__version__,
             settings_file=gate.config,
         )
-        if output.format_ != "table":  # the report on stdout has the error, too
+        if output.format_ != "table":  # programs read the error from the report on stdout
             emit(GATE_REPORTS[output.format_](report), output.format_)
         over = isinstance(error, OverInputError)
         _publish(replace(gate, junit=None) if over else gate, report)
@@ -178,7 +182,7 @@ def _run(
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
-    # Files are written first: a full disk behind stdout must not lose the report or the verdict.
+    # Files are written before stdout. If stdout cannot be written, report and verdict are kept.
     status = worst((report.status, _publish(gate, report)))
     try:
         emit(_printed(report, output.format_), output.format_)
@@ -189,7 +193,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """Return the report for stdout; a table is as wide as the terminal, and at least `WIDTH`."""
+    """Return the report for stdout. A table is as wide as the terminal, but at least `WIDTH`."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.table_text import WIDTH
 
@@ -199,9 +203,9 @@ def _printed(report: "Report", format: str) -> str:
 
 
 def _publish(gate: GateOptions, report: "Report") -> int:
-    """Write files, annotations and step summary; return 2 if one cannot be written, else 0.
+    """Write the requested files, and the annotations and step summary of GitHub.
 
-    An error of writing must not lose the report or hide a regression.
+    Return 2 if one cannot be written, else 0. The rest is written even then.
     """
     from tgospa_eval.campaign.gate.report import annotations, append_summary, junit
     from tgospa_eval.common.writing import write_file
@@ -228,7 +232,7 @@ def _publish(gate: GateOptions, report: "Report") -> int:
 
 
 def _write_folder(gate: GateOptions, report: "Report") -> None:
-    """Write the folder of ``-o``.
+    """Write the folder of ``-o`` of a gate.
 
     Raises
     ------

@@ -101,7 +101,10 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 
 
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
-    """Return statistics of the known numbers; None if unknown ones may be the largest."""
+    """Return statistics of the known values of a column.
+
+    Return None if a ``"wasserstein"`` is unknown, because such distances can be the largest.
+    """
     import numpy as np
 
     from tgospa_eval.inspection import spread

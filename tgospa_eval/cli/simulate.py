@@ -19,23 +19,23 @@ if TYPE_CHECKING:
     from tgospa_eval.show.files import Kind
     from tgospa_eval.tracks.trajectories import Trajectories
 
-# Spelled out here, because importing the members costs numpy; a test holds them together.
+# Copied from the modules that define these names, which import numpy; a test compares both.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
 PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
 BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
-"""Parameters that can be combined with a setting."""
+"""Names of the parameters that can be combined with ``--setting``."""
 
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 OPTION = "DIR"
-"""Beginning of messages about the folder."""
+"""Word with which messages about the folder begin."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances for states other than points."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
-    """Parse A:B, or one number for both."""
+    """Parse the text A:B to two numbers of steps; the text A gives the same number twice."""
     first, colon, last = text.partition(":")
     shortest, longest = parsed_whole(first), parsed_whole(last if colon else first)
     if shortest is None or longest is None:
@@ -154,7 +154,7 @@ OPTIONS = (
 
 
 def _check_setting(ctx: click.Context) -> None:
-    """Check that no option contradicts the setting."""
+    """Check that no option is given that ``--setting`` fixes."""
     given = [
         item.opts[-1]
         for item in ctx.command.params
@@ -216,13 +216,13 @@ def _paths(folder: str, names: tuple[str, ...]) -> str:
 
 
 def _size_of(side: "Trajectories", what: str) -> str:
-    """Format how many tracks and rows there are."""
+    """Describe how many objects or tracks, rows and particles there are; `what` is their name."""
     clouds = "" if side.clouds is None else f" of {counted(len(side.clouds.points), 'particle')}"
     return f"{counted(len(side.ids), what)} with {counted(len(side.step), 'row')}{clouds}"
 
 
 def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[str, ...]:
-    """Write one run of a setting; return its description, and the command that evaluates it."""
+    """Write one run of a published setting; return lines that describe it and say what to type."""
     from tgospa_eval.formats.write import csv_text
     from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation.settings import PUBLISHED, run_setting
@@ -231,7 +231,7 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     setting, kind = PUBLISHED[name], _kind(names)
     probe_folder(folder, kind, force=force, subject=OPTION)
     truth, estimate, measurements = run_setting(setting, seed)
-    # A row for each measurement, shuffled within a step.
+    # The file has a row for each measurement. Measurements of a step are in random order.
     rows = (
         f"{time},{x!r},{y!r}\n"
         for time, points in zip(truth.times.tolist(), measurements, strict=True)
@@ -263,9 +263,9 @@ def _make_scene(
     particles: int | None,
     **options: Any,
 ) -> tuple[str, ...]:
-    """Write a scene; return its description, and the command that evaluates it.
+    """Write a scene; return a line that describes it, and the command that evaluates it.
 
-    Its cutoff is well above the noise, and a switch costs a quarter of the cutoff squared.
+    The cutoff in this command is well above the noise. The switch penalty is half of the cutoff.
     """
     import numpy as np
 
@@ -290,7 +290,7 @@ def _make_scene(
         scene.area, {name: value for name, value in errors.items() if value is not None}
     )
     sides = simulate(scene, tracker, np.random.default_rng(seed))
-    if format_ == "kitti":  # its frames count from 0
+    if format_ == "kitti":  # in KITTI, the first frame is 0
         sides = (
             replace(sides[0], times=sides[0].times - 1),
             replace(sides[1], times=sides[1].times - 1),

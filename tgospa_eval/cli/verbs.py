@@ -1,4 +1,4 @@
-"""Verbs by name, each imported when it is used, and the group that finds the verb."""
+"""The verbs of the command line, each imported when it is used, and the group that chooses one."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -23,17 +23,17 @@ VERBS = {
     "associate": ("associate", "Associate the states of two sensors."),
     "reduce": ("reduce", "Reduce particle clouds to fewer particles."),
 }
-"""Module and summary of each verb; the module's command is called `command`."""
+"""For each verb, its module and a summary. The module has the function `command`."""
 
 SECTION = "tgospa_eval.section"
-"""Key of the context for the section that `help VERB SECTION` shows."""
+"""Key of the click context for the section that ``help VERB SECTION`` shows."""
 
 CONFIG = "tgospa_eval.common.config"
-"""Key of the context for the configuration file in use."""
+"""Key of the click context for the configuration file in use."""
 
 
 def load(verb: str) -> click.Command:
-    """Import a verb."""
+    """Import a verb, and return its command."""
     command: click.Command = import_module(f"tgospa_eval.cli.{VERBS[verb][0]}").command
     return command
 
@@ -50,34 +50,35 @@ VERB_WORDS = {
     "verify": "proof prove certificate certify audit recheck",
     "simulate": "sim generate gen make create demo synth example",
 }
-"""Words that people type for a verb."""
+"""For each verb, other words that people type for it."""
 
 LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
 
 class Verbs(click.Group):
-    """Group that accepts the verb anywhere among the options; the default is ``evaluate``."""
+    """Group of the verbs. Options can stand before the verb; without a verb it is ``evaluate``."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Return names of the verbs."""
+        """Return the names of the verbs."""
         return list(VERBS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import a verb."""
+        """Import a verb, and return its command; None for any other word."""
         return load(cmd_name) if cmd_name in VERBS else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Write the summaries, without importing the verbs."""
+        """Write the names and summaries of the verbs to the help, without importing them."""
         with formatter.section("Verbs"):
             formatter.write_dl([(name, summary) for name, (_, summary) in VERBS.items()])
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put the verb first; `help` is --help.
+        """Put the verb before all options, and replace the word ``help`` by ``--help``.
 
         Raises
         ------
         click.UsageError
-            The first argument is neither a verb nor a file, but is similar to a verb.
+            The first argument is neither a verb nor a file, but is similar to a verb; or ``help``
+            is not followed by a verb.
         """
         if args[:1] == ["help"]:
             verb, section = args[1:2], args[2:]
@@ -99,7 +100,7 @@ class Verbs(click.Group):
         return super().parse_args(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """Complete the first word: a verb, a file or an option of evaluate."""
+        """Return completions of the first word: a verb, a file or an option of ``evaluate``."""
         from click.shell_completion import CompletionItem  # lazy: few runs are completions
 
         if incomplete.startswith("-"):
@@ -116,7 +117,7 @@ class Verbs(click.Group):
         return [*verbs, *map(CompletionItem, _files_like(incomplete))]
 
     def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
-        """Return the position of the first argument that is not an option or its value."""
+        """Return the index of the first argument that is neither an option nor its value."""
         if not args[0].startswith("-"):
             return 0
         commands = [self.get_command(ctx, verb) for verb in ("evaluate", "gate")]
@@ -136,7 +137,8 @@ class Verbs(click.Group):
             elif text.startswith("--"):
                 skip = text in taking
             elif text.startswith("-") and len(text) > 1:
-                # In joined letters the first one that takes a value takes the rest, if any.
+                # In joined letters, as in -qc5, the first option with a value takes the rest as its
+                # value. If there is no rest, its value is the next argument.
                 value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
                 skip = value == len(text) - 1
             else:
@@ -145,11 +147,12 @@ class Verbs(click.Group):
 
 
 def _files_like(begin: str) -> list[str]:
-    """Return files in the current folder, as the shell would offer them without verbs.
+    """Return the names of files in the current folder that begin with a text.
 
-    Shells split a name with a blank; it is completed once a letter rules out all verbs.
+    Names with blanks are left out, because shells split them in a list with verbs. The shell itself
+    completes them once no verb begins with the text.
     """
-    import os  # lazy: as above
+    import os  # lazy: few runs are completions
 
     try:
         with os.scandir() as entries:
@@ -161,19 +164,19 @@ def _files_like(begin: str) -> list[str]:
 
 
 def _check_word(ctx: click.Context, word: str) -> None:
-    """Check that a word may be the name of a file.
+    """Check that a word is not a verb with a typing error.
 
     Raises
     ------
     click.UsageError
         No file has this name, and a verb is similar.
     """
-    import os  # lazy: not needed where a verb is given
+    import os  # lazy: not needed if the word is a verb
     import re
 
     if not re.fullmatch(LIKE_A_VERB, word) or os.path.lexists(word):
         return
-    from difflib import get_close_matches  # lazy: most command lines are right
+    from difflib import get_close_matches  # lazy: only for words that are not files
 
     plain = word.lower()
     verbs = [verb for verb, words in VERB_WORDS.items() if plain in words.split()]

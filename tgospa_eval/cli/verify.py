@@ -1,4 +1,4 @@
-"""``tgospa-eval verify FOLDER [TRUTH ESTIMATE]``: check a proof folder in exact integers."""
+"""``tgospa-eval verify FOLDER [TRUTH ESTIMATE]``: check of a proof folder in exact integers."""
 
 import inspect
 from collections.abc import Iterator, Mapping
@@ -22,13 +22,14 @@ NOT_OF_THE_TABLES = (
     *("cutoff", "order", "switch_penalty", "rho", "distance", "unit"),
     *("solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
-"""Options of the metric and of the solver. The other options of the distance are in
-`verify_tgospa.EXTRAS`. All other options that a proof records describe the reading of files, and
-are named in the output."""
+"""Options of the metric and of the solver, which the output does not name.
+
+`verify_tgospa.EXTRAS` has further options of distances, which it does not name either. All other
+options of a proof say how files are read, and the output names them."""
 
 
 NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
-"""Options of proofs that may name a file, which is read only if the command line names it."""
+"""Options of a proof that can name a file. The file is read only if the command line names it."""
 
 
 @click.command(
@@ -126,9 +127,9 @@ def command(
 def _check_tables(
     folder: str, files: Files, given: Mapping[str, str], stopwatch: "Stopwatch"
 ) -> str:
-    """Check that the tables of a proof follow from the files and the recorded options.
+    """Check that the tables of a proof follow from the files and from the options in the proof.
 
-    Return how the files were read, in words; blank if they were read without options.
+    Return these options as a text that begins with a comma; an empty text if there are none.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def _check_tables(
         prepared = _prepared(files, proof, options, stopwatch)
         compared, parameters = prepared.compared, prepared.parameters
         check_provable(compared, parameters)
-    except ConfigError as error:  # an option of the proof, not of this command
+    except ConfigError as error:  # of an option in the proof, and so of a file
         raise InputError(f"{folder}: proof.json, options: {error}") from None
     problem = prepared.states.problem
     for name, proven, must in _differing(
@@ -190,21 +191,22 @@ def _check_tables(
 def _differing(
     proven: Mapping[str, object], must: Mapping[str, object]
 ) -> Iterator[tuple[str, object, object]]:
-    """Yield fields with different values: name and both values."""
+    """Yield the name and both values of each field that differs."""
     for name in sorted({*proven, *must}):
         if proven.get(name) != must.get(name):
             yield name, proven.get(name), must.get(name)
 
 
 def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of a proof, with files of the command line instead of recorded ones.
+    """Return the options of a proof, with the files that the command line names for them.
 
     Raises
     ------
     InputError
-        The proof names a file that the command line does not name. Its content is not shown.
+        The proof names a file, but the command line names none for this option. The file of the
+        proof is not opened.
     UsageError
-        The proof does not have the option.
+        The command line names a file for an option that the proof does not have.
     """
     options = dict(recorded)
     for name, value in recorded.items():
@@ -228,7 +230,7 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "PreparedPair":
-    """Return the problem that an evaluation of these files would solve."""
+    """Return the problem that an evaluation of these files with these options would solve."""
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested

@@ -14,25 +14,25 @@ from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
-"""Options of evaluations that this verb lacks or has in another form. `by` is hidden, because it
-may come from a settings file."""
+"""Options of evaluations that this verb lacks or has in another form. The option ``by`` is hidden:
+in a settings file it is ignored, with a notice."""
 
 OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in click_builder.EVALUATION if item.key not in ELSEWHERE]
 OF_FILES = {"against", "unit", "by", "with_", "columns_of_table"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
-"""Parameters that do not apply to a simulation."""
+"""Names of parameters that do not apply to ``--simulate``."""
 
 OF_RESULTS = {
     *("files", "format_", "columns_of_table", "output", "force", "config", "quiet"),
     *("pictures", "style"),
 }
-"""Parameters that apply to a ranking of saved results."""
+"""Names of all parameters that apply to a ranking of saved results."""
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
-# Options that only this verb has are not read from settings files, which all verbs share.
+# All verbs share a settings file, so it cannot set options that only this verb has.
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",
@@ -148,13 +148,13 @@ def command(
     from tgospa_eval.cli.compare import run
     from tgospa_eval.show.study_table import checked_columns
 
-    # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
+    # These options have other types here than the fields of `Request` with the same names.
     separate = ("epsilon", "seed", *(("steps",) if simulate else ()))
     request = Request.of({name: value for name, value in options.items() if name not in separate})
     output: Any = click_builder.OutputOptions.of(options)
     checked_columns(output.columns_of_table)
     solvers: Any = options["solvers"]
-    # The default depends on what is compared.
+    # The default of --epsilon depends on what is compared.
     has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
     epsilon: Any = None if has_default else options["epsilon"]
     make = partial(run.make_solvers, request, solvers, epsilon)
@@ -179,7 +179,7 @@ def command(
 
 
 def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
-    """Return whether to rank saved results; check that the options apply to them."""
+    """Return whether the files are saved results; if so, check that all options apply to these."""
     from tgospa_eval.api.compare import are_saved
 
     if not files or not are_saved(files):

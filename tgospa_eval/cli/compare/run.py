@@ -1,4 +1,4 @@
-"""Output of a comparison to stdout and to the folder of ``-o``."""
+"""``compare``: rankings, comparisons of solvers and scaling studies, with their output."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,10 +37,10 @@ from tgospa_eval.solvers.sinkhorn import Sinkhorn
 Number = TypeVar("Number", int, float)
 
 MakeSolvers = Callable[..., list[Solver]]
-"""`make_solvers` for the options; it receives the default names and temperatures."""
+"""`make_solvers` with the options of the user; its arguments are default names and temperatures."""
 
 TEMPERATURES = "0.1,0.05,0.03,0.01"
-"""Default temperatures of sinkhorn."""
+"""Default temperatures of the solver ``sinkhorn``."""
 
 
 def show(
@@ -49,18 +49,18 @@ def show(
     subject: Any = None,
     tables: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
-    """Print the document, and write the folder of ``-o`` if requested.
+    """Print a comparison, and write the folder of ``-o`` if requested.
 
     Parameters
     ----------
     answer : dict
-        The document.
+        JSON document of the comparison.
     output : OutputOptions
         What to print, and where to write.
     subject : object, optional
-        Data of the pictures; the document by default.
+        Data of the pictures; by default the document.
     tables : callable
-        Callable that returns further files by name.
+        Function that returns the content of further files by name.
     """
     kind = STUDY if answer["kind"] == "study" else COMPARISON
     answer |= settings_field(output.config)
@@ -88,7 +88,7 @@ def show(
     try:
         with shielded():
             emit(render(answer, output.format_, output.columns_of_table), output.format_)
-    finally:  # a fault of one does not lose the other
+    finally:  # the folder is written even if stdout cannot be written
         write_output(output, kind, make)
 
 
@@ -99,12 +99,15 @@ def make_solvers(
     names: str,
     temperatures: str = TEMPERATURES,
 ) -> list[Solver]:
-    """Return the requested solvers, or else those of `names`; `sinkhorn` once per temperature.
+    """Return the requested solvers, by default those in `names`.
+
+    ``sinkhorn`` is returned once for each temperature in `epsilon`, by default in `temperatures`.
+    All are texts with commas.
 
     Raises
     ------
     ConfigError
-        A solver is unknown, a temperature is not a number, or one of them is a duplicate.
+        A solver is unknown, a temperature is not a number, or a solver or temperature is repeated.
     """
     limits = {"time_limit": request.time_limit}
     sweeping = {"gap": request.gap, "jobs": request.jobs, **limits}
@@ -123,12 +126,12 @@ def make_solvers(
 
 
 def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> list[Number]:
-    """Return the numbers of a list with commas.
+    """Parse a text of numbers with commas; `option` is the name of the option, for messages.
 
     Raises
     ------
     ConfigError
-        A part between commas is not a number of this kind.
+        `parse` does not accept a part between commas.
     """
     values: list[Number] = []
     for part in map(str.strip, text.split(",")):
@@ -141,7 +144,7 @@ def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> li
 
 
 def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -> PairReader:
-    """Return the reader of these files, after checks that all exist and the folder can be written.
+    """Check that all files exist and that the folder can be written; return the reader of pairs.
 
     Raises
     ------
@@ -160,7 +163,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
 
 
 # -------------------------------------------------------------------------------------------------
-# Rankings of estimates of one truth or of a truth for each run, and of saved results.
+# Rankings: of estimates of one truth, of several runs, and of saved results.
 
 
 def compare_estimates(
@@ -171,12 +174,14 @@ def compare_estimates(
     *,
     per_step: bool,
 ) -> bool:
-    """Rank estimates of one truth or of a truth per run; return whether all are accurate enough.
+    """Rank estimates of one truth, or of a truth for each run.
+
+    Return whether all evaluations reached the requested accuracy.
 
     Raises
     ------
     TgospaError
-        An option has no meaning, or a file cannot be read.
+        An option does not apply, or a file cannot be read.
     """
     solver, *rest = make("certified", str(Sinkhorn.epsilon))
     if rest:
@@ -205,13 +210,13 @@ def compare_estimates(
 
 
 def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
-    """Rank saved results by their proven brackets; return whether all reached the accuracy."""
+    """Rank saved results by their proven brackets; return whether all had reached the accuracy."""
     probed(output, COMPARISON, "estimates")
     return show_ranking(rank_saved(files, notifier(quiet=output.quiet)), output)
 
 
 def show_ranking(ranking: Ranked, output: OutputOptions) -> bool:
-    """Print and write a ranking; return whether all evaluations reached the accuracy."""
+    """Print and write a ranking; return whether all evaluations reached the requested accuracy."""
     answer, entrants = ranking
     compared = Compared(document=answer, entrants=entrants)
 
@@ -232,7 +237,7 @@ def show_ranking(ranking: Ranked, output: OutputOptions) -> bool:
 
 
 # -------------------------------------------------------------------------------------------------
-# ``compare TRUTH ESTIMATE``: one pair of files through several solvers.
+# ``compare TRUTH ESTIMATE``: several solvers on one pair of files.
 
 
 def compare_files(
@@ -243,14 +248,15 @@ def compare_files(
     *,
     spare: bool,
 ) -> bool:
-    """Run one pair through several solvers; return whether all finished as requested, and agree.
+    """Compare several solvers on one pair of files.
 
-    `spare` leaves out an exact solver that takes minutes.
+    Return whether all reached the requested accuracy and their brackets overlap. With `spare`, the
+    solver ``exact`` is left out if it may take minutes.
 
     Raises
     ------
     TgospaError
-        An option has no meaning, or a file cannot be read.
+        An option does not apply, or a file cannot be read.
     """
     chosen = make(",".join(SOLVERS))
     pairs = pair_reader(request, output, files)
@@ -272,7 +278,7 @@ def compare_files(
 
 
 # -------------------------------------------------------------------------------------------------
-# ``compare --simulate``: the scaling study, solvers on simulated scenes of many sizes.
+# ``compare --simulate``: the scaling study, which runs solvers on simulated scenes of many sizes.
 
 
 def study_sizes(
@@ -287,9 +293,11 @@ def study_sizes(
     area: float,
     seed: int,
 ) -> bool:
-    """Run the scaling study; return whether all finished as requested, and agree.
+    """Run the scaling study, print and write it.
 
-    Lists of numbers are texts with commas. The tracker is the default of ``simulate``.
+    Return whether all evaluations reached the requested accuracy and their brackets overlap.
+    `targets` and `steps` are texts of numbers with commas. The simulated tracker has the default
+    errors of ``simulate``.
 
     Raises
     ------

@@ -15,11 +15,11 @@ FOR_PARTS = (
     "evaluations: tgospa-eval batch"
 )
 MANY = 8
-"""Number of files that a message cannot list."""
+"""Number of further files from which a message no longer lists them."""
 
 
 class Files(Verb):
-    """Command whose errors propose another verb for one file, or for more than two."""
+    """Command that proposes another verb if it gets only one file, or more than two."""
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
@@ -37,7 +37,7 @@ class Files(Verb):
     "evaluate",
     cls=Files,
     params=[
-        # Options of an evaluation are fields of `Request` in api/options.py.
+        # These options are declared as fields of `Request` in api/options.py.
         *click_builder.EVALUATION,
         *click_builder.IN_PARTS_OPTIONS,
         *click_builder.OUTPUT,
@@ -139,12 +139,12 @@ def command(
 def _check(
     chosen: Request, output: click_builder.OutputOptions, typed: set[str], *, sweep: bool
 ) -> None:
-    """Check that options can be combined.
+    """Check that the options can be combined; `typed` names those of the command line.
 
     Raises
     ------
     UsageError
-        Two options exclude each other.
+        Two options exclude each other, or an option needs another one.
     """
     for name in click_builder.OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):
@@ -182,7 +182,7 @@ def _check(
 
 
 def _without_proof(chosen: Request) -> Iterator[str]:
-    from tgospa_eval.proof.verify_tgospa import EXTRAS  # lazy: few write proofs
+    from tgospa_eval.proof.verify_tgospa import EXTRAS  # lazy: few evaluations write proofs
 
     if chosen.existence == "use":
         yield "--existence use"

@@ -1,4 +1,4 @@
-"""``evaluate`` of data in parts: unsupported options, progress, Ctrl-C and output."""
+"""``evaluate`` of data in parts: progress, Ctrl-C, resuming and output."""
 
 import hashlib
 import json
@@ -32,7 +32,7 @@ from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 from tgospa_eval.show.files import WORK_FOLDER, WORK_LOG
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
-"""Names in the folder of ``-o`` that other files must not have."""
+"""Names of the tables that are written to the folder of ``-o``, which no other file can have."""
 
 
 def evaluate_parts(
@@ -45,16 +45,16 @@ def evaluate_parts(
     paths : pair of str
         Truth and estimate.
     options, output : Request, OutputOptions
-        Request and outputs, which `check_parts` has accepted.
+        What to evaluate, what to print and where to write; `check_parts` has accepted them.
     why : str
-        Why the data are read in parts.
+        Why the data are read in parts, for a notice.
 
     Raises
     ------
     TgospaError
-        Something is wrong with options or data.
+        An option or the data are wrong.
     """
-    # The allocators of Arrow keep 20 MB more of each process; workers inherit it.
+    # With its own allocators, Arrow keeps 20 MB more in each process. Workers inherit the variable.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     resolved = resolve_request(options)
     if output.output is not None:
@@ -66,7 +66,7 @@ def evaluate_parts(
             print_notice(text)
     identity = identity_of(paths, options)
     if resolved.evaluation.ignoring is not None:
-        identity |= resolved.evaluation.ignoring.recorded  # the content of a file of regions
+        identity |= resolved.evaluation.ignoring.recorded  # with the digest of a file of regions
     with work_folder(output, identity) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
@@ -93,7 +93,7 @@ def evaluate_parts(
 
 
 def _interrupted(progress: Progress, output: OutputOptions) -> str:
-    """Report the progress of interrupted work, and how to resume it."""
+    """Say which bracket is proven when work is interrupted, and how to resume the work."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
         return f"{proven}with -o DIR finished parts are kept, and the same command resumes"
@@ -102,12 +102,16 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# The folder of intermediate work: the same command finds it again and removes it at its end.
+# The folder of intermediate data. After an interruption, the same command goes on from it. At the
+# end it is removed.
 
 
 @contextmanager
 def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
-    """Yield the folder of work: in the folder of ``-o``, so that it can be resumed, else temporary.
+    """Yield the path of the folder of intermediate data.
+
+    It is in the folder of ``-o``, so that the work can be resumed. Without ``-o`` it is temporary.
+    `identity` has the values that belong to this work, from `identity_of`.
 
     Raises
     ------
@@ -126,9 +130,9 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         _begin(work, identity, output)
         over = False
         try:
-            yield work.absolute()  # workers of a cluster have other folders of their own
+            yield work.absolute()  # workers of a cluster have other current folders
             over = not interrupted()  # otherwise the result was not written
-        except InputError:  # the work is useless once the data are corrected
+        except InputError:  # without a scan, the work is useless when the data are corrected
             over = not (work / SCANNED).exists()
             raise
         except MemoryTooSmallError:
@@ -142,7 +146,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
-    """Check that existing work is of this evaluation, or begin it.
+    """Go on with existing work if it is of this evaluation; otherwise prepare an empty folder.
 
     Raises
     ------
@@ -165,9 +169,10 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
 
 
 def _empty(work: Path) -> None:
-    """Remove all but the lock: finished parts are renamed first, and the log is removed last.
+    """Remove all files of the work but the lock.
 
-    So an interruption never leaves parts of one evaluation that look like parts of another.
+    Finished parts are renamed first, and the log is removed last. So even if this is interrupted,
+    no part of this work can be taken for a part of another one.
 
     Raises
     ------
@@ -180,7 +185,7 @@ def _empty(work: Path) -> None:
 
 
 def _remove(work: Path) -> None:
-    """Remove the folder, as far as the system allows."""
+    """Remove the folder of the work; leave what the system does not allow to remove."""
     with suppress(OSError):
         _empty(work)
         for path in work.iterdir():
@@ -189,12 +194,14 @@ def _remove(work: Path) -> None:
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
-    """Return whether existing work is of this evaluation; it is removed if the data changed.
+    """Return whether to go on with existing work.
+
+    If only the data changed, or with ``--force``, the answer is no, and the caller removes it.
 
     Raises
     ------
     ConfigError
-        The work is of another evaluation.
+        The work is of an evaluation with other options.
     """
     try:
         old = checked(log.read_bytes(), {})
@@ -225,7 +232,10 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
 
 
 def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
-    """Return the values that identify the work, as JSON reads them."""
+    """Return the values by which existing work is recognised, as JSON would read them.
+
+    These are options, paths, version, limits, and a digest of names, sizes and times of the files.
+    """
     sha = hashlib.sha256()
     for path in paths:
         for file, status in stored(path):

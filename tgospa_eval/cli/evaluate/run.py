@@ -1,4 +1,4 @@
-"""Steps from the values of options to a result, and its output to stdout and files."""
+"""``evaluate`` of two files: from options to a result, and its output to stdout and a folder."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,7 +29,7 @@ def evaluate_files(
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
 ) -> tuple[Evaluation, bool]:
-    """Read and evaluate; return whether the requested accuracy was reached.
+    """Evaluate two files; return the result, and whether the requested accuracy was reached.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def evaluate_files(
     output : OutputOptions
         What to print, and where to write.
     output_line : callable
-        Callable that receives a line for the user; by default it is written to stderr.
+        Function that receives each line for the user. The default writes it to stderr.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def evaluate_files(
         resolved = replace(resolved, evaluation=replace(resolved.evaluation, memory=limit))
     wanted = None
     if output.output is not None:
-        # lazy: only a folder needs it
+        # lazy: only for folders
         from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
         wanted = probed_folder(options, output)
@@ -78,24 +78,24 @@ def evaluate_files(
 
 
 # -------------------------------------------------------------------------------------------------
-# Repairs of a result, tried and proven, for ``--explain`` and the verb `explain`.
+# Repairs of the estimate of a result, for ``--explain`` and the verb ``explain``.
 
 
 def explained(result: Evaluation, output: OutputOptions, top: int | None = None) -> "Explanation":
-    """Return at most `top` repairs of an estimate that was read from a file.
+    """Search for the repairs of the estimate that save most, and show the progress.
 
     Parameters
     ----------
     result : Evaluation
         Result of all classes together.
     output : OutputOptions
-        Whether progress is shown, and seconds.
+        What to print: progress, and the time of the search.
     top : int
-        Number of repairs to list; the default is that of `tgospa_eval.explain`.
+        Largest number of repairs; the default is that of `tgospa_eval.explain`.
     """
-    from tgospa_eval.explain import TOP, explain  # lazy: only where asked for
+    from tgospa_eval.explain import TOP, explain  # lazy: only for repairs
 
-    assert isinstance(result, PairEvaluation)  # --by class is refused
+    assert isinstance(result, PairEvaluation)  # by class, repairs are refused before
     stopwatch = Stopwatch()
     explanation = run(
         lambda: explain(result, top or TOP, stopwatch=stopwatch),
@@ -108,7 +108,7 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
 
 
 def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
-    """Return the result with its repairs and the time of their search, for every output."""
+    """Return the result with its repairs, and with the time of their search."""
     assert isinstance(result, PairEvaluation)
     explanation = explained(result, output)
     total = result.timings["total"] + explanation.seconds
@@ -117,19 +117,22 @@ def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
 
 
 # -------------------------------------------------------------------------------------------------
-# A result to stdout, and to the folder of ``-o``.
+# Output of a result to stdout, and to the folder of ``-o``.
 
 
 def show(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
-    """Print the result, and write the folder of ``-o`` if requested."""
+    """Print the result, and write the folder of ``-o`` if requested.
+
+    `names` are those of both files, for the HTML page.
+    """
     try:
         if output.output is not None:
-            from tgospa_eval.cli.shared.writing import write_folder  # lazy: only where asked for
+            from tgospa_eval.cli.shared.writing import write_folder  # lazy: only for folders
 
             write_folder(result, options, output, names)
-    except ConfigError:  # a full disk must not lose the computed result
+    except ConfigError:  # the result is printed even if the disk is full
         _print(result, output)
         raise
     with shielded():
@@ -137,10 +140,10 @@ def show(
 
 
 def _print(result: Evaluation, output: OutputOptions) -> None:
-    """Print the result to stdout."""
+    """Print the result to stdout in the requested format, in colours on a terminal."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.show.result_text import report  # lazy: for terminals only
+        from tgospa_eval.show.result_text import report  # lazy: only for terminals
 
         emit(report(result), "colours")
     else:

@@ -1,4 +1,4 @@
-"""``--sweep``: values of a parameter from the text of the option, and output of the points."""
+"""``evaluate --sweep``: parses the values of a parameter, evaluates them, prints and writes."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -48,20 +48,22 @@ def sweep_files(
     output: OutputOptions,
     typed: set[str],
 ) -> bool:
-    """Evaluate two files over a range of a parameter, print and write; return whether all is exact.
+    """Evaluate two files for several values of a parameter, print and write.
+
+    Return whether all evaluations reached the requested accuracy.
 
     Parameters
     ----------
     paths : pair of str
         Truth and estimate.
     texts : tuple of str
-        Values of ``--sweep``.
+        Texts of ``--sweep``, such as ``"gamma=1,2,5"``; only one is allowed.
     options : Request
         What to evaluate, and how.
     output : OutputOptions
         What to print, and where to write.
     typed : set of str
-        Options that were given on the command line.
+        Names of the parameters that were typed on the command line.
 
     Raises
     ------
@@ -93,12 +95,12 @@ def sweep_files(
 
 
 def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
-    """Return the name of the swept parameter in `Parameters`, and its values as given.
+    """Return the parameter that ``--sweep`` names, as a field of `Parameters`, and its values.
 
     Raises
     ------
     ConfigError
-        The text is not ``NAME=VALUES``.
+        The text is not ``NAME=VALUES``, or there are several texts.
     """
     if len(texts) > 1:
         raise ConfigError("--sweep is given twice: only one parameter can be swept")
@@ -126,7 +128,7 @@ def _range(text: str, parts: list[str]) -> list[float]:
     if logarithmic and low <= 0:
         raise ConfigError(f"--sweep {quoted(text)}: with :log FROM must be more than 0")
     made = (np.geomspace if logarithmic else np.linspace)(low, high, count)
-    # 12 digits: 0.3 and not 0.30000000000000004
+    # Values are rounded to 12 digits, so that they are 0.3 and not 0.30000000000000004.
     return [low, *(float(f"{value:.12g}") for value in made[1:-1]), high]
 
 
@@ -140,7 +142,7 @@ def _number(text: str, part: str) -> float:
 
 
 def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) -> None:
-    """Check that other options do not contradict the sweep.
+    """Check that other options do not contradict the sweep of the parameter `name`.
 
     Raises
     ------
@@ -174,7 +176,7 @@ def _key(name: str) -> str:
 
 
 def _show(swept: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
-    """Print, and write the folder of ``-o`` if requested."""
+    """Print the points, and write the folder of ``-o`` if requested."""
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the sweep", 0.0)

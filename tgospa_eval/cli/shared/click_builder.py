@@ -1,4 +1,4 @@
-"""Options for click, built from `api.options.Request` and other records, and options of output."""
+"""Options for click: made from the fields of `api.options.Request` and others, and for output."""
 
 from collections.abc import Callable, Collection, Container, Sequence
 from dataclasses import Field, fields, replace
@@ -35,20 +35,23 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
 
 def one_of(members: Collection[str]) -> Any:
-    """Return the type of an option that names a member of a registry, including other packages."""
+    """Return the type of an option whose value is one of `members`.
+
+    These can be a registry, such as that of distances, to which other packages add members.
+    """
     kind: Any = click.Choice(())
-    kind.choices = members  # click makes a tuple of them
+    kind.choices = members  # not as an argument, because click would make a tuple of a registry
     return kind
 
 
 def options_of(record: type[Values]) -> dict[str, Option]:
-    """Return the options of the fields of a record, by their names in a settings file."""
+    """Return the options that a dataclass declares, by their names in a settings file."""
     known = ((field, field.metadata["setting"]) for field in fields(record) if field.metadata)
     return {about.key: _made(field, about) for field, about in known}
 
 
 def _made(field: Field[Any], about: OptionSpec) -> Option:
-    """Return the option of a field."""
+    """Return the option that a field declares."""
     kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
@@ -74,7 +77,7 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
 
 
 def side_option(name: str, side: str) -> Option:
-    """Return an option of truth or estimate for a side with another name: ``--a-format``."""
+    """Return an option of truth or estimate for another word: ``--a-format`` for truth-format."""
     field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
     about: OptionSpec = field.metadata["setting"]
     declaration, text = about.declaration.replace(role, side), about.help
@@ -92,7 +95,7 @@ WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
 BY_OF_SETTINGS = option(
     "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
 )
-"""Option that verbs without classes ignore in a settings file."""
+"""Hidden option of verbs that do not evaluate by class: they ignore it in a settings file."""
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
@@ -100,7 +103,7 @@ REDUCTION = tuple(
     for item in PARTICLES
     if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
-"""Options of the reduction of clouds, without defaults, so that given options are known."""
+"""Options that say how to reduce particle clouds. Without a default, None means not given."""
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -142,10 +145,10 @@ PICTURE_OPTIONS = (
         show_default="the first two columns",
     ),
 )
-"""Options of the pictures in a folder."""
+"""Options of the pictures of one evaluation in the folder of ``-o``."""
 
 PICTURES = PICTURE_OPTIONS[:2]
-"""Options of all pictures."""
+"""Options that apply to pictures of all verbs."""
 
 STYLE = PICTURES[1]
 
@@ -155,7 +158,10 @@ FORCE = _output("--force", "Write into a folder with other files in it.")
 def report_format(
     make: Callable[..., Option] = option, csv: str = "csv", more: Sequence[str] = ()
 ) -> Option:
-    """Return ``--format`` of a report; `more` are formats of one verb."""
+    """Return the option ``--format`` of a report.
+
+    `csv` describes what CSV has. `more` are formats that only one verb has.
+    """
     return make(
         "--format FORMAT",
         f"What to print: table, json, {csv}, markdown, latex, siunitx (LaTeX, aligned digits)."
@@ -175,7 +181,7 @@ COLUMNS_OF_TABLE = Option(
     section="Output",
     show_default="those that add information",
 )
-"""Option of the table of a study."""
+"""Option that chooses the columns of a table with a row for each tracker or group."""
 
 OUTPUT = (
     report_format(csv="csv (the costs of each step)", more=("methods",)),
@@ -197,7 +203,7 @@ OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
-    """Options of printing and writing; an option that a verb lacks keeps its default."""
+    """Values of the options of printing and writing; defaults for options that a verb lacks."""
 
     format_: str = "table"
     output: str | None = None
@@ -218,23 +224,26 @@ SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *(item.key for item in EVALUATION if item.section == "Solver"),
 )
-"""Options that a verb without a solver does not have."""
+"""Names in a settings file of the options that only verbs with a solver have."""
 
 READING = (
     *(item for item in EVALUATION if item.key not in SOLVING_KEYS and item not in PARTICLES),
     CONFIG_FILE,
     QUIET,
 )
-"""Options of all verbs that read two files and measure distances."""
+"""Options of verbs that read files and measure distances, but solve nothing."""
 
 
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
-    """Return a selection of the options of evaluations, and further options."""
+    """Return options of an evaluation by their names in a settings file, and `more` options."""
     return (*(item for item in EVALUATION if item.key in keys), *more, CONFIG_FILE, QUIET)
 
 
 def format_option(*names: str) -> Option:
-    """Return ``--format`` of a verb with special formats, which a settings file cannot set."""
+    """Return the option ``--format`` of a verb that has only these formats.
+
+    A settings file cannot set it.
+    """
     return Option(
         f"--format [{'|'.join(names)}]",
         "What to print.",

@@ -1,4 +1,4 @@
-"""Verbs and options for click: declarations, values from settings files, and help."""
+"""Classes of verbs and options for click: values from settings files, help, and messages."""
 
 import os
 import re
@@ -27,7 +27,7 @@ PATH = click.Path(readable=False)
 
 
 class SourceFile(click.Path):
-    """Type for a file to read; - is the standard input, which only one argument can be."""
+    """Type for a file to read. ``-`` is the standard input; only one argument can be so."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path, or the name of the standard input."""
@@ -42,22 +42,22 @@ class SourceFile(click.Path):
 
 SOURCE = SourceFile(readable=False)
 KEYS: dict[str, bool] = {}
-"""Keys of a configuration file, and whether each is a flag."""
+"""Keys that a configuration file can have, and whether each is a flag."""
 
 TRUSTED_KEYS: set[str] = set()
-"""Settings that a configuration file may set even if the user did not name the file."""
+"""Keys that are also allowed in a configuration file that the user did not name."""
 
 PREFIX = "TGOSPA_EVAL_"
-"""Prefix of environment variables of options."""
+"""Prefix of the environment variables that set options."""
 
 TARGET = "tgospa_eval.target"
-"""Key of the context for the target of ``--against``; only its configuration is read."""
+"""Key of the click context for the target of ``--against``: the configuration is read from it."""
 
 IGNORED = "tgospa_eval.ignored"
-"""Key of the context for the variables that are ignored with a target."""
+"""Key of the click context for environment variables that are ignored because of a target."""
 
 WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
-"""Options that the environment sets even with a target, because they change no number."""
+"""Options that environment variables set even with ``--against``: they do not change the value."""
 
 REMOVED = {
     "--protect": "--against TARGET judges by the suite, the baseline and the configuration of the "
@@ -67,7 +67,7 @@ REMOVED = {
     "--format bencher": "--format json has all values",
     "--format github-action-benchmark": "--format json has all values",
 }
-"""Removed options, and their replacements."""
+"""Removed options, and what to use instead."""
 
 LISTED = {
     "with": ("hota", "clear", "identity", "gospa", "nees"),
@@ -78,7 +78,7 @@ LISTED = {
     "ignore": ("marked", "marked-estimates", "outside-truth-steps", "truth-gaps", "in-regions"),
     "sweep": ("c=", "p=", "gamma=", "rho="),
 }
-"""Values that a shell completes, for options with several values."""
+"""Values that a shell completes, for options whose value can be a list."""
 
 PLAIN_NUMBERS = ((click.types.FloatParamType, float), (click.types.IntParamType, int))
 
@@ -89,13 +89,15 @@ class Option(click.Option):
     Parameters
     ----------
     declaration : str
-        Text of the help: ``-c, --cutoff C``; without a metavar the option is a flag.
+        Names and placeholder, as the help shows them: ``-c, --cutoff C``. Without a placeholder the
+        option is a flag.
     text : str
         Help text.
     section : str
         One of `SECTIONS`.
     settings
-        Arguments of `click.Option`; `name` is the parameter, by default the first long option.
+        Arguments of `click.Option`; also `name`, the name of the parameter of the command. By
+        default that is the first long option.
     """
 
     def __init__(self, declaration: str, text: str, *, section: str, **settings: Any) -> None:
@@ -114,11 +116,14 @@ class Option(click.Option):
 
     @property
     def key(self) -> str:
-        """Name in a configuration file: the first long name."""
+        """Name of the option in a configuration file: its first long name without dashes."""
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:
-        """Return the value of its environment variable; None with a target of ``--against``."""
+        """Return the value of its environment variable, if any.
+
+        With ``--against``, only the variables of `WITH_TARGET` count.
+        """
         value = super().resolve_envvar_value(ctx)
         if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
             return value
@@ -126,7 +131,10 @@ class Option(click.Option):
         return None
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """Return the value; numbers must be plain decimals, although click accepts others."""
+        """Return the value in the type of the option.
+
+        Numbers must be plain decimals, although click accepts other texts such as ``nan``.
+        """
         if (typed := f"--{self.key} {value}") in REMOVED:
             raise click.UsageError(removed(typed), ctx)
         for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
@@ -136,7 +144,7 @@ class Option(click.Option):
         return super().type_cast_value(ctx, value)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """Return possible values; in a list with commas those of the last item."""
+        """Return the values that a shell offers; in a list with commas, those for its last item."""
         names = LISTED.get(self.key) or getattr(self.type, "choices", ())
         if not names:
             return super().shell_complete(ctx, incomplete)
@@ -151,7 +159,11 @@ class Option(click.Option):
         ]
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Return names and text, without parentheses around a default in words."""
+        """Return the names and the text of the help.
+
+        A default that is described in words is not in parentheses. Members of a registry that the
+        text does not name are added to it.
+        """
         names: Any = getattr(self.type, "choices", ())
         if isinstance(names, Registry) and self.help is not None:
             listed_names = re.findall(r"[\w-]+", self.help)
@@ -165,7 +177,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Return extra help without ranges, which are in the help text."""
+        """Return what click adds to the help, without ranges, which our texts have."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
@@ -174,9 +186,10 @@ class Option(click.Option):
 def option(
     declaration: str, text: str, *, section: str, trusted: bool = False, **settings: Any
 ) -> Option:
-    """Make an option that is also read from TGOSPA_EVAL_<OPTION> and from configuration files.
+    """Make an option that environment variables and configuration files can also set.
 
-    `trusted` says whether a file that the user did not name may set the option.
+    The variable is ``TGOSPA_EVAL_<OPTION>``. If `trusted` is true, even a configuration file that
+    the user did not name can set the option.
     """
     made = Option(declaration, text, section=section, **settings)
     long = [name[2:] for name in made.opts if name.startswith("--")]
@@ -190,9 +203,9 @@ def option(
 def load_config(
     ctx: click.Context, parameter: click.Parameter, path: str | None
 ) -> config.SettingsFile | None:
-    """Load settings of the options that the verb has: callback of --config.
+    """Read a configuration file, and keep the settings for options of this verb.
 
-    A file may have settings of other verbs too.
+    This is the callback of ``--config``. Settings of other verbs are no error.
     """
     taken = {
         item.key: item
@@ -219,13 +232,13 @@ def load_config(
 
 
 def _keys() -> dict[str, bool]:
-    """Return all keys; keys of a gate are known after its verb is imported."""
+    """Return `KEYS` after the import of the gate, which adds its own options."""
     load("gate")
     return KEYS
 
 
 def tell_settings(ctx: click.Context) -> None:
-    """Report the options that a configuration file sets, once flags and environment are known."""
+    """Print which options a configuration file sets, without those that the user sets otherwise."""
     used = ctx.params.get("config")
     if used is None:
         return
@@ -238,11 +251,11 @@ def tell_settings(ctx: click.Context) -> None:
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
     if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
-        ctx.meta[CONFIG] = None  # errors of options then do not name it a second time
+        ctx.meta[CONFIG] = None  # errors of options name the file only if it is not printed here
 
 
 def tell_variables(command: click.Command) -> None:
-    """Report the environment variables with our prefix that no option reads."""
+    """Print which environment variables begin with `PREFIX` but set no option."""
     given = [name for name in os.environ if name.startswith(PREFIX)]
     if {*given} <= (read := {*_variables(command), f"{PREFIX}KERNEL"}):
         return
@@ -261,7 +274,7 @@ def tell_variables(command: click.Command) -> None:
 
 
 def _variables(command: click.Command) -> list[str]:
-    """Return the variables that the options of a verb read."""
+    """Return the environment variables that set options of a verb."""
     several = [item.envvar or () for item in command.params]
     return [name for one in several for name in ([one] if isinstance(one, str) else one)]
 
@@ -272,12 +285,15 @@ def removed(option: str) -> str:
 
 
 def dashed(name: str) -> str:
-    """Return the long option of a parameter."""
+    """Return the long option for the name of a parameter: ``--time-limit`` for time_limit."""
     return f"--{name.removesuffix('_').replace('_', '-')}"
 
 
 def typed_options(ctx: click.Context) -> set[str]:
-    """Return the parameters of the command line, without those of environment and settings file."""
+    """Return the names of the parameters that were typed on the command line.
+
+    Those that environment variables or a settings file set are left out.
+    """
     source = ctx.get_parameter_source
     return {name for name in ctx.params if source(name) is ParameterSource.COMMANDLINE}
 
@@ -301,10 +317,10 @@ SECTIONS = (
     "Particles",
     "General",
 )
-"""Headings of the help, in order."""
+"""Headings of the sections of the help, in order."""
 
 NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein or a sliced one"}
-"""Distance to which a section applies."""
+"""Distances to which the options of a section apply."""
 
 OPTION_WORDS = {
     "--format json": "json",
@@ -328,16 +344,16 @@ OPTION_WORDS = {
     "--quiet": "silent no-progress",
     "--verbose": "debug log",
 }
-"""Words that people type for an option although its name is different."""
+"""Names that users of other programs type, by the option that is meant."""
 
 SIMILAR = 0.75
-"""Least similarity of a suggested option, which also has the same first letter: fromat, format."""
+"""Smallest similarity of a suggested option to the typed one, such as format for fromat."""
 
 
 def _print_short(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:  # noqa: ARG001
-    """Print the short help: callback of -h."""
+    """Print the short help; this is the callback of ``-h``."""
     if given and not ctx.resilient_parsing and isinstance(ctx.command, Verb):
-        from tgospa_eval.cli.shared.short_help import short_help  # lazy: most runs ask for none
+        from tgospa_eval.cli.shared.short_help import short_help  # lazy: only for -h
 
         click.echo(short_help(ctx.command, ctx, ctx.command.sections(ctx)), nl=False)
         ctx.exit()
@@ -354,16 +370,16 @@ SHORT_HELP = click.Option(
 
 
 class Verb(click.Command):
-    """Command with options in sections, whose messages say what to type."""
+    """Command whose help has sections, and whose errors say what to type."""
 
-    allow_extra_args = True  # messages of ours are longer than those of click
+    allow_extra_args = True  # so that `parse_args` reports them, with more help than click
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Return all options, including those of the short and the long help."""
+        """Return all options, including those for the short and for the long help."""
         return [*super().get_params(ctx), SHORT_HELP]
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Return the options of the long help."""
+        """Return the options that print the long help."""
         return ["--help", "--help-all"]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -375,7 +391,7 @@ class Verb(click.Command):
         self.format_options(ctx, formatter)
 
     def sections(self, ctx: click.Context) -> list[str]:
-        """Return headings of its options."""
+        """Return the headings under which the verb has options."""
         there = {
             getattr(item, "section", SECTIONS[-1])
             for item in self.get_params(ctx)
@@ -407,7 +423,7 @@ class Verb(click.Command):
                     formatter.write_dl(records, col_max=28)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse; a lone `help` is --help.
+        """Parse the arguments. If the only one is ``help``, it counts as ``--help``.
 
         Raises
         ------
@@ -428,13 +444,16 @@ class Verb(click.Command):
         return rest
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Report the sources of settings, and run the verb."""
+        """Print where settings come from, and run the verb."""
         tell_settings(ctx)
         tell_variables(self)
         return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
-        """Check that no long option has one dash; click reads -output as -o with value utput."""
+        """Check that no long option is typed with one dash.
+
+        Click would read ``-output`` as ``-o`` with the value ``utput``.
+        """
         known = long_options(self)
         for text in args[: args.index("--")] if "--" in args else args:
             name = f"-{text.partition('=')[0]}"
@@ -454,7 +473,7 @@ class Verb(click.Command):
         return f"no such option: {clipped(text)}" + (f"; did you mean {hint}?" if hint else "")
 
     def _by_another_name(self, text: str) -> str | None:
-        """Return the option, with its value, for a name that other programs use."""
+        """Return what to type for an option of another program: our option, with a value."""
         bare = text.lstrip("-")
         typed = next((typed for typed, words in OPTION_WORDS.items() if bare in words.split()), "")
         name, _, value = typed.partition(" ")
@@ -477,7 +496,7 @@ class Verb(click.Command):
 
 
 def long_options(command: click.Command) -> list[str]:
-    """Return the long names, with dashes, of the options that a verb shows."""
+    """Return the long names, with dashes, of the options in the help of a verb."""
     return [
         name
         for item in command.params
@@ -488,15 +507,22 @@ def long_options(command: click.Command) -> list[str]:
 
 
 def words(line: Iterable[str]) -> str:
-    """Return arguments as typed in a shell; placeholders in capitals may be in brackets."""
-    from shlex import quote  # lazy: most command lines are right
+    """Return arguments as they are typed in a shell.
+
+    Placeholders, such as TRUTH or [ESTIMATE], are not quoted.
+    """
+    from shlex import quote  # lazy: only for errors
 
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
-    """Suggest the only option that begins with a text, else the most similar option."""
-    from difflib import get_close_matches  # lazy: most command lines are right
+    """Return the option that a typed text could mean, if any.
+
+    This is the only option that begins with the text, else the most similar one with the same first
+    letter.
+    """
+    from difflib import get_close_matches  # lazy: only for errors
 
     bare = text.lstrip("-")
     known = [name.lstrip("-") for name in options]

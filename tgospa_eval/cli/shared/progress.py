@@ -29,21 +29,21 @@ STAGES = {
     "other_metrics": "other metrics",
 }
 SILENT = 2.0
-"""Seconds before anything is shown."""
+"""Seconds of work before progress is shown on a terminal."""
 
 LINE_WIDTH = 79
-"""Width of a line that does not wrap."""
+"""Width of the line of progress, which must not wrap."""
 
 MIN_DIGITS, MAX_DIGITS = 5, 9
-"""Digits of a bound."""
+"""Smallest and largest number of digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
-"""Without a terminal, the first line comes after `FIRST` seconds. The time between two lines
-doubles until it is `SELDOM` seconds."""
+"""Times of lines of progress without a terminal, in seconds. The first line is shown after `FIRST`.
+The time between two lines then doubles until it is `SELDOM`."""
 
 
 LONG, NEAR = 10.0, 0.01
-"""After `LONG` seconds of work, bounds with a relative difference up to `NEAR` are worth a hint to
+"""After `LONG` seconds of work, a relative gap of at most `NEAR` gives a hint that the user can
 stop."""
 
 ADVICE = (
@@ -52,7 +52,7 @@ ADVICE = (
 
 
 def new_stopwatch(*, quiet: bool) -> Stopwatch:
-    """Return a stopwatch whose sentences for the user are printed."""
+    """Return a stopwatch that prints its messages for the user, unless `quiet`."""
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.notify = print_notice
@@ -60,10 +60,11 @@ def new_stopwatch(*, quiet: bool) -> Stopwatch:
 
 
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
-    """Do the work, and show its progress after two seconds.
+    """Do the work in a thread, show its progress if it takes long, and handle Ctrl-C.
 
-    The first Ctrl-C asks stoppable work to stop, and its result is returned. Without progress and
-    without handling of Ctrl-C, as in the workers of a batch, the work needs no thread.
+    Work that can be stopped, such as solving, stops at the first Ctrl-C, and its result so far is
+    returned. If progress is not shown and Ctrl-C is not handled, as in the workers of a batch, the
+    work is done without a thread.
     """
     if not show and not handles_interrupts():
         return work()
@@ -104,7 +105,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
 
 @contextmanager
 def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
-    """Show the progress while the block runs; the block handles Ctrl-C."""
+    """Show progress while the block runs. Ctrl-C raises KeyboardInterrupt in the block."""
     stopwatch.progress = Progress(watched=True)
     if not show:
         yield
@@ -125,7 +126,7 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
 
 
 class Display:
-    """Progress line on stderr: overwritten on a terminal, else a new line now and then."""
+    """Line of progress on stderr: on a terminal overwritten, else a new line from time to time."""
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch, self.begin = stopwatch, time.monotonic()
@@ -140,7 +141,7 @@ class Display:
         self.clear()
 
     def update(self) -> None:
-        """Show the progress, if it is due."""
+        """Show the progress, if it is time for it."""
         seconds = time.monotonic() - self.begin
         if seconds >= LONG and not self.advised and _is_near(self.stopwatch.progress):
             self.advised = True
@@ -157,7 +158,7 @@ class Display:
         self.shown = True
 
     def clear(self) -> None:
-        """Clear the line on a terminal."""
+        """Clear the line of progress on a terminal."""
         if self.shown:
             self._write(f"\r{'':<{LINE_WIDTH}}\r")
             self.shown = False
@@ -169,7 +170,7 @@ class Display:
 
 
 def line(stopwatch: Stopwatch, seconds: float) -> str:
-    """Describe the progress: the part of the work, the proven bracket, the share, the time."""
+    """Describe the progress in a line: stage, proven bracket, share that is done, and times."""
     progress = stopwatch.progress
     stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
@@ -183,13 +184,16 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
 
 
 def _is_near(progress: Progress) -> bool:
-    """Return whether the bounds may be close enough for the user."""
+    """Return whether the bounds are so close that they could be enough for the user."""
     lower, upper = progress.bracket or (0.0, math.inf)
     return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
 
 
 def bracket(lower: float, upper: float) -> str:
-    """Return the bounds in as many digits as distinguish them, rounded outward."""
+    """Format both bounds, rounded outward, with enough digits to tell them apart.
+
+    The number of digits is limited by `MAX_DIGITS`.
+    """
     digits = MIN_DIGITS
     if 0 < lower < upper < math.inf:
         digits = min(

@@ -1,4 +1,4 @@
-"""Short help of a verb: usage, one example, and the most used options by task."""
+"""Short help of a verb, for ``-h``: usage, one example, and the most used options by task."""
 
 import re
 import textwrap
@@ -155,11 +155,11 @@ COMMON_OPTIONS: dict[str, dict[str, dict[str, str]]] = {
         },
     },
 }
-"""Options of the short help by verb and task, by their names in a settings file."""
+"""Options of the short help, for each verb and task: the name in a settings file, and a text."""
 
 
 def short_help(command: click.Command, ctx: click.Context, sections: Iterable[str]) -> str:
-    """Return usage, purpose, an example, the most used options, and where the others are."""
+    """Return the short help: usage, purpose, an example, common options, and the other sections."""
     verb = str(command.name)
     options = {
         name.lstrip("-"): item

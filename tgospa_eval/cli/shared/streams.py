@@ -1,7 +1,7 @@
-"""Text on stdout and stderr, and errors of writing.
+"""Text on stdout and stderr, errors of writing, and Ctrl-C.
 
-As a last line of defence, control characters are escaped here, and no line is a command of a CI
-system except those of the gate.
+Names in files can contain control characters, or commands that a CI system reads from its log. Both
+are escaped here, as a last line of defence. Only the gate prints such commands.
 """
 
 import errno
@@ -27,15 +27,16 @@ _heard = threading.Event()
 
 
 def interrupted() -> bool:
-    """Return whether this process has received a Ctrl-C."""
+    """Return whether this process has received a Ctrl-C in a block of `on_interrupt`."""
     return _heard.is_set()
 
 
 @contextmanager
 def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
-    """Call `take` at each Ctrl-C; KeyboardInterrupt is raised unless it returns true.
+    """Call `take` at each Ctrl-C while the block runs.
 
-    Nothing changes if interrupts are ignored or have another handler.
+    If `take` returns false, KeyboardInterrupt is raised as usual. Nothing changes if this process
+    ignores Ctrl-C or has another handler for it.
     """
     if not handles_interrupts():
         yield
@@ -56,7 +57,7 @@ def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
 
 @contextmanager
 def shielded() -> Iterator[None]:
-    """Delay the first Ctrl-C until the block has ended."""
+    """Let the block end after a first Ctrl-C; the program then ends because of `interrupted`."""
     waiting: list[int] = []
 
     def take() -> bool:
@@ -68,19 +69,22 @@ def shielded() -> Iterator[None]:
 
 
 def handles_interrupts() -> bool:
-    """Return whether Ctrl-C raises KeyboardInterrupt in this process; workers ignore it."""
+    """Return whether Ctrl-C raises KeyboardInterrupt here.
+
+    It does not in worker processes, which ignore it, nor in other threads.
+    """
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
-"""Environment variables of CI systems, which search stdout for commands."""
+"""Environment variables that CI systems set. These systems search stdout for commands."""
 
 NARROW_TERMINAL = 20
-"""Least number of columns of a terminal for which lines are wrapped."""
+"""Smallest number of columns of a terminal for which lines are wrapped."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""Errors of the system if an open file cannot be written."""
+"""Error numbers of the system for failures to write to an open file."""
 
 
 def print_notice(text: str) -> None:
@@ -91,7 +95,7 @@ def print_notice(text: str) -> None:
 def notifier(
     *, quiet: bool, output: Callable[[str], None] = print_notice
 ) -> "Callable[[Notice], None]":
-    """Return a function that prints notices; with ``--quiet`` it prints only warnings."""
+    """Return a function that prints a notice; with ``--quiet`` it prints only warnings."""
 
     def notify(notice: "Notice") -> None:
         if notice.code or not quiet:
@@ -101,12 +105,12 @@ def notifier(
 
 
 def print_notices(text: str) -> None:
-    """Print lines of this program to stderr."""
+    """Print a text of several lines to stderr, each wrapped on a terminal."""
     print_raw("\n".join(map(_wrapped, visible_lines(text).split("\n"))))
 
 
 def stderr_width() -> int:
-    """Return the columns of the terminal of stderr; 0 without a terminal."""
+    """Return the number of columns of the terminal at stderr; 0 without a terminal."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError, AttributeError):
@@ -114,11 +118,11 @@ def stderr_width() -> int:
 
 
 def _wrapped(line: str) -> str:
-    """Wrap a line to the width of a terminal; an indented line is kept as it is."""
+    """Wrap a line to the width of the terminal; keep an indented line as it is."""
     width = stderr_width()
     if not NARROW_TERMINAL <= width < len(line) or line[0].isspace():
         return line
-    import textwrap  # lazy: most lines fit, or go to a file
+    import textwrap  # lazy: few lines are too long
 
     return textwrap.fill(
         line, width, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False
@@ -126,7 +130,7 @@ def _wrapped(line: str) -> str:
 
 
 def print_raw(text: str) -> None:
-    """Print a text to stderr without escapes; a closed stderr is ignored."""
+    """Print a text to stderr, without escaping it. A closed stderr is no error."""
     with suppress(OSError, ValueError):
         click.echo(text, err=True)
 
@@ -134,24 +138,25 @@ def print_raw(text: str) -> None:
 def emit(text: str, format: str = "table") -> None:
     """Write a report to stdout.
 
-    click.echo writes UTF-8 even if the user wants ASCII, and exits with 1 when the reader of a pipe
-    ends, as head does, which is not an error.
+    `click.echo` is not used, for two reasons. It writes UTF-8 even if the user wants ASCII. And it
+    exits with 1 if the reader of a pipe ends early, as ``head`` does, which is not an error.
 
     Parameters
     ----------
     text : str
         The report.
     format : str
-        Format of the report. Texts of csv are escaped only on a terminal and in the log of a CI
-        system. A report with colours, `colours`, is written as it is.
+        Format of the report. ``"csv"`` is escaped only on a terminal and in the log of a CI system.
+        ``"colours"``, a report with colours, is written as it is.
 
     Raises
     ------
     ConfigError
-        It cannot be written.
+        The report cannot be written.
     """
     if format == "json":
-        # `json` does not escape these two: delete, and commands of CI systems within a line.
+        # The module `json` leaves two things that are escaped here: the character delete, and
+        # commands of CI systems within a line.
         text = text.replace("\x7f", "\\u007f").replace("##", "#\\u0023")
     elif format != "colours" and (format != "csv" or _is_watched()):
         text = visible_lines(text)
@@ -167,7 +172,7 @@ def emit(text: str, format: str = "table") -> None:
 
 
 def check_stdout() -> None:
-    """Check that stdout is open; the caller may have closed it.
+    """Check that stdout is open; a shell can start a program with a closed one.
 
     Raises
     ------
@@ -179,26 +184,29 @@ def check_stdout() -> None:
 
 
 def check_written(error: OSError) -> None:
-    """Raise ConfigError if a text could not be written to stdout.
+    """Check that an error of the system is not a failure to write to stdout.
 
     Raises
     ------
     ConfigError
-        Nothing could be written to stdout: `FULL` has the reasons.
+        It is: it names no file, and its number is in `FULL`.
     """
     if error.filename is None and error.errno in FULL:
         raise _lost(error) from None
 
 
 def on_terminal() -> bool:
-    """Return whether stdout is a terminal, or `FORCE_COLOR` is set, as in logs of CI."""
+    """Return whether a report on stdout can have colours.
+
+    It can on a terminal, or if ``FORCE_COLOR`` is set, as for the log of a CI system.
+    """
     if sys.stdout is None or os.environ.get("TERM") == "dumb":
         return False
     return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
 
 
 def _is_watched() -> bool:
-    """Return whether stdout is a terminal, or may be the log of a CI system."""
+    """Return whether stdout is a terminal, or could be the log of a CI system."""
     if sys.stdout is None or sys.stdout.isatty():
         return True
     if not any(map(os.environ.get, CI)):
@@ -215,5 +223,5 @@ def _lost(error: OSError) -> ConfigError:
 
 
 def _discard() -> None:
-    """Discard buffered output, which Python would try to write again at its end."""
+    """Send buffered output to nowhere; otherwise Python would try to write it again at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

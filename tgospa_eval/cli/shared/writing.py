@@ -1,4 +1,4 @@
-"""Folder of ``-o``: it is checked before any work, and all files are written together."""
+"""Writing of the folder of ``-o``: a check before any work, and all files together at the end."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def write_output(
     output: OutputOptions, kind: Kind, make: Callable[[Callable[[str, float], None]], Files]
 ) -> None:
-    """Write the folder of ``-o`` if requested, and if nothing was interrupted.
+    """Write the folder of ``-o`` if it is requested. After a Ctrl-C, nothing is written.
 
     Parameters
     ----------
@@ -41,8 +41,9 @@ def write_output(
     kind : Kind
         Kind of the folder.
     make : callable
-        Callable that returns the files by name. Its argument is a callable that receives the name
-        of each picture, and the share of the work that is done.
+        Function that returns the content of the files by name. Its argument is a function that
+        shows progress: it receives the name of the next picture, and the share of the work that is
+        done.
 
     Raises
     ------
@@ -62,14 +63,14 @@ def write_output(
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(written)
-    if had_proof and not os.path.isdir(proof):  # others may refer to it
+    if had_proof and not os.path.isdir(proof):  # a paper may refer to the old proof
         print_notice(f"{proof} of an earlier run is removed; --proof writes one for this run")
 
 
 def _made(
     output: OutputOptions, make: Callable[[Callable[[str, float], None]], Files]
 ) -> Files | None:
-    """Return the files by name; None after an interruption."""
+    """Make the files of `write_output`, and show progress; return None after a Ctrl-C."""
     stopwatch = Stopwatch()
     stopwatch.stage = "report"
 
@@ -79,20 +80,20 @@ def _made(
 
     try:
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
-    except KeyboardInterrupt:  # the result is printed all the same
+    except KeyboardInterrupt:  # without the folder, the result is printed all the same
         return None
 
 
 # -------------------------------------------------------------------------------------------------
-# Requested parts of the folder of a result, and the result into it.
+# The folder of a result: which files are requested, and how it is written.
 
 
 def probed_folder(
     options: Request, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """Check that the folder can be written; return its pictures.
+    """Check that the folder of a result can be written; return the request for its pictures.
 
-    `also` has the names of further files of the folder.
+    `also` has the names of further files that will be written to it.
 
     Raises
     ------
@@ -111,9 +112,10 @@ def probed_folder(
 def probed(
     output: OutputOptions, kind: Kind, *charts: str, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """Check that the folder of ``-o`` can be written, if requested; return its pictures.
+    """Check that the folder of ``-o`` can be written; return the request for its pictures.
 
-    `charts` has kinds of pictures, `also` names of further files.
+    Without ``-o``, return None. `charts` names the kinds of results whose pictures will be drawn.
+    `also` has the names of further files that will be written.
 
     Raises
     ------
@@ -129,7 +131,7 @@ def probed(
 
 
 def wanted_pictures(output: OutputOptions) -> "Pictures | None":
-    """Return the requested pictures; None without an option of pictures, or for ``none``.
+    """Return which pictures are requested; None for ``--pictures none``, or if a verb has none.
 
     Raises
     ------
@@ -138,7 +140,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """
     if output.pictures == "none":
         return None
-    from tgospa_eval.show.chart_list import Pictures  # lazy: for pictures only
+    from tgospa_eval.show.chart_list import Pictures  # lazy: only for pictures
 
     given = (output.pictures, output.components, output.plane)
     formats, components, columns = (
@@ -151,8 +153,8 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
 
 
 def can_draw(*, quiet: bool) -> bool:
-    """Return whether pictures can be drawn; print a notice if not."""
-    from tgospa_eval.show import style  # lazy: for folders only
+    """Return whether matplotlib is installed; if not, print a notice."""
+    from tgospa_eval.show import style  # lazy: only for folders
 
     if not style.available() and not quiet:
         print_notice(style.MISSING)
@@ -160,14 +162,14 @@ def can_draw(*, quiet: bool) -> bool:
 
 
 def drawable_pictures(output: OutputOptions) -> "Pictures | None":
-    """Return the requested pictures, if they can be drawn."""
+    """Return which pictures are requested; None if they cannot be drawn."""
     wanted = wanted_pictures(output)
     return wanted if wanted is not None and can_draw(quiet=output.quiet) else None
 
 
 @contextmanager
 def named_options() -> Iterator[None]:
-    """Add the name of the option to errors about pictures."""
+    """Put two dashes before errors about pictures, which begin with the name of an option."""
     try:
         yield
     except ConfigError as error:
@@ -177,14 +179,14 @@ def named_options() -> Iterator[None]:
 def write_folder(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
-    """Write the folder; print a notice if pictures need an extra that is not installed."""
+    """Write the folder of a result; print a notice if pictures cannot be drawn."""
     wanted = drawable_pictures(output)
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)
         texts = {**result_texts(result, names)}
         if output.proof:
-            from tgospa_eval.show.files import proof_files  # lazy: only where asked for
+            from tgospa_eval.show.files import proof_files  # lazy: only for proofs
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
