@@ -102,6 +102,18 @@ def test_a_changed_file_is_evaluated_again(invoke: Invoke, runs: Path) -> None:
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
 
 
+@few
+@pytest.mark.parametrize("option", ["region", "ignore-regions"])
+def test_a_changed_file_of_an_option_counts(invoke: Invoke, runs: Path, option: str) -> None:
+    Path("regions.csv").write_text("left,top,width,height\n-900,-900,1800,1800\n")
+    first = batch(invoke, f"--{option}", "regions.csv", "--format", "csv")
+    Path("regions.csv").write_text("left,top,width,height\n-900,-900,902.5,1800\n")
+    second = batch(invoke, f"--{option}", "regions.csv", "--format", "csv")
+    assert (first.status, second.status) == (0, 0)
+    assert "done before" not in second.err
+    assert first.out != second.out
+
+
 def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
     Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
     Path("out/a/3.csv").unlink()

@@ -792,9 +792,10 @@ def test_limits_alone_need_no_baseline_of_the_target(against: Invoke) -> None:
     assert (answer.status, answer.err.count("out/slow/1.csv")) == (1, 1)
 
 
-def test_files_that_options_name_are_the_target_s(against: Invoke) -> None:
+@pytest.mark.parametrize("option", ["ignore-regions", "region"])
+def test_files_that_options_name_are_the_target_s(against: Invoke, option: str) -> None:
     write("regions.csv", "left,top,width,height\n900,900,1,1\n")
-    options = "[options]\nignore-regions = 'regions.csv'"
+    options = f"[options]\n{option} = 'regions.csv'"
     write("suite.toml", SUITE.replace("[options]", options))
     git("add", "regions.csv")
     git("commit", "-am", "regions")

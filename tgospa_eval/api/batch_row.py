@@ -14,7 +14,7 @@ from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.notices import about_run
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import Request, names_file
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, row_to_judge, stored_slices
 from tgospa_eval.campaign.store import stored_steps
@@ -39,7 +39,7 @@ NOT_WRITTEN = "not_written"
 UNSEEN = "unseen"
 """Field of a row with the path of a file that a worker did not see. The main process reports it."""
 
-NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
+NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions", "region")
 """Options that can name a file, in the order in which their files enter the key of a row."""
 
 
@@ -160,8 +160,17 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
     Options such as ``inner_cov`` can have a word instead of a path. It is returned like a path, and
     its digest is that of a missing file.
     """
-    named = (getattr(options, name) for name in NAMING_FILES)
-    return (*job.files, *filter(None, named))
+    return (*job.files, *_named(options).values())
+
+
+def _named(options: Request) -> dict[str, str]:
+    """Return the values of options that can name a file; of ``region`` only the path of a file."""
+    values = {name: getattr(options, name) for name in NAMING_FILES}
+    return {
+        name: value
+        for name, value in values.items()
+        if value and (name != "region" or names_file(name, value))
+    }
 
 
 def evaluate_job(
@@ -262,8 +271,8 @@ def _on_this_worker(task: JobTask) -> JobTask:
         return os.path.join(task.base, path)
 
     job = replace(task.job, truth=local(task.job.truth), estimate=local(task.job.estimate))
-    named = {name: getattr(task.options, name) for name in NAMING_FILES}
-    paths: Any = {name: local(path) for name, path in named.items() if path and path != "global"}
+    named = _named(task.options)
+    paths: Any = {name: local(path) for name, path in named.items() if path != "global"}
     options = replace(task.options, **paths)
     return replace(
         task,

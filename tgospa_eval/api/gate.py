@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.batch_row import JobTask, Run, gate_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, each, with_options
-from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, OPTION_SPECS, Request, typed
+from tgospa_eval.api.options import (
+    FLAGS,
+    NAMES,
+    OF_THE_NUMBER,
+    OPTION_SPECS,
+    Request,
+    names_file,
+    typed,
+)
 from tgospa_eval.campaign.gate import judge_pairs
 from tgospa_eval.campaign.gate.baseline import (
     CHANGED,
@@ -54,9 +62,6 @@ if TYPE_CHECKING:
     from tgospa_eval.api.option_types import GateEvaluationOptions
     from tgospa_eval.api.result import Result
 
-PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kind == "path")
-"""Options, as a settings file names them, whose values are paths of files."""
-
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
     """Return the options that are given for a pair, by the names of their fields.
@@ -65,7 +70,7 @@ def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict
     the command line with the environment. Each source has priority over those before it.
     """
     inherited = dict(entry["options"]) if entry else {}
-    for key in (key for key in PATHS_GIVEN if inherited.get(key)):
+    for key in _naming_files(inherited):
         inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
     return {
         **typed(inherited, f"{path}, options"),
@@ -262,8 +267,8 @@ def _with_faults(
     scenes = [scene(entry.get("labels", {})) for entry in known.values()]
     for pair in pairs:
         options = resolve(gate, pair, known.get(pair.name), path)
-        named = [options.get(NAMES[key]) for key in (*PATHS_GIVEN, "region")]
-        files = [pair.truth, *(str(file) for file in named if file)]
+        named = [value for name, value in options.items() if value and names_file(name, value)]
+        files = [pair.truth, *map(str, named)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
@@ -404,6 +409,12 @@ def _task(
     )
 
 
+def _naming_files(options: Mapping[str, object]) -> list[str]:
+    """Return the options whose values are paths of files, as a settings file names them."""
+    named = {key: NAMES.get(key, key) for key, value in options.items() if value}
+    return [key for key, name in named.items() if names_file(name, options[key])]
+
+
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
     """Return options as the baseline at `path` records them: lists as texts, and relative paths.
 
@@ -413,7 +424,7 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
         key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
         for key, value in options.items()
     }
-    for key in (key for key in PATHS_GIVEN if key in portable):
+    for key in _naming_files(portable):
         try:
             relative = os.path.relpath(str(portable[key]), os.path.dirname(path) or os.curdir)
             portable[key] = relative.replace(os.sep, "/")
