@@ -36,7 +36,7 @@ The intervals are those between timestamps at which an estimate is near a true o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outages:
-    """Times in which the estimate has no state within the cutoff of a true object.
+    """Long times in which the estimate has no state within the cutoff of a true object.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def _find_outages(
     `near_times` are the timestamps at which an estimate is near a true object. The first and the
     last timestamp of the truth, and those of `near_times` between them, divide time into intervals.
     An interval is an outage if it is longer than `TimeMatching.outage`. If that is not a duration,
-    the interval must be longer than `SILENCE` times the median distance of the `near_times`.
+    it must be longer than `SILENCE` times the median time between consecutive `near_times`.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -335,7 +335,8 @@ def _stamped(
 ) -> Trajectories:
     """Return trajectories without rows at these times.
 
-    If times are not plain numbers, they get texts: those of `like` or `labelled`, else ISO 8601.
+    Times that are not plain numbers get the texts that they have in `like` or `labelled`. If they
+    are in neither, their texts are in ISO 8601.
     """
     labels = None
     if clock != "number":

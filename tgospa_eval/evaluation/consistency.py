@@ -73,8 +73,8 @@ def nees_of(
 ) -> Floats:
     """Return the NEES of N pairs, (N,).
 
-    The pairs `states`, `spreads` and `rows` are of truth and estimate: all states, their
-    covariances, and the row of each pair.
+    `states` and `spreads` have all states and their covariances: of the truth, and of the estimate.
+    `rows` has the row of the truth and the row of the estimate of each pair.
     """
     packed = spreads[1][rows[1]].T
     if spreads[0] is not None:

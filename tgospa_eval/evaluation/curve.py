@@ -90,14 +90,15 @@ class _Listed:
 class Before:
     """Assignment and best values at the step before each suffix.
 
-    The arrays have an element for each suffix and each listed pair of it, (H,), in this order.
+    The arrays (H,) have an element for each listed pair of each suffix, sorted by suffix and pair.
+    A pair is listed if it is near in the suffix or assigned at the step before.
 
     Parameters
     ----------
     ending : int array
         Index of the suffix.
     pair : int array
-        Index of the listed pair, which is near in the suffix or assigned before it.
+        Index of the pair.
     weight : int array
         Weight of the pair in the whole solution, in units of 1/ONE.
     value, none, other : float arrays
@@ -165,9 +166,9 @@ class SuffixProblem:
 
 
 class Suffixes:
-    """Maker of problems of suffixes, from the whole problem and its assignment.
+    """Suffixes of the whole problem, from which problems of their own are made.
 
-    `weights` (S,) is the assignment in units of 1/ONE.
+    `weights` (S,) is the assignment of the whole problem, in units of 1/ONE.
     """
 
     def __init__(self, states: States, weights: Ints) -> None:
@@ -779,7 +780,7 @@ def slide(
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Windows:
-    """Return the windows of a solved problem.
+    """Return a bracket of the cost of each window of a solved problem.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ that pictures are made."""
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
 """Bytes of a row in memory, bytes of a near pair of data in parts, and a factor.
 
-With pictures, rows in memory need this factor more bytes."""
+With pictures, the bytes of rows in memory are multiplied by the factor."""
 
 BYTES_COMPARED = 40, 280
 """Bytes of a row and bytes of a near pair, until the problem is solved.
@@ -42,7 +42,7 @@ BYTES_COMPARED = 40, 280
 They are for an evaluation in memory whose number of near pairs is known."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
-"""Largest number of bytes of the pictures of trajectories; for small data, bytes by row."""
+"""Largest number of bytes of the pictures of trajectories, and their bytes for each row."""
 
 HELPERS = 30 * MB
 """Bytes of the processes that manage workers."""
@@ -51,7 +51,7 @@ TABLES = 150 * MB
 """Bytes of a worker that writes tables."""
 
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
-"""Smallest bytes of data with which a process can work, and with which one more is faster."""
+"""Bytes of data that the only process needs, and that each process needs if there are several."""
 
 MAX_ROWS = 4_000_000
 """Largest number of rows of a block, a part of the data, however much memory there is."""

@@ -87,7 +87,7 @@ class PairEvaluation(Evaluation):
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking, with columns of each track."""
+        """Common tracking numbers, with columns for the tables of objects and tracks."""
         return summarise(self, self.tracked)
 
     @cached_property
@@ -159,8 +159,8 @@ class PairEvaluation(Evaluation):
         """Return the numbers of each step that add up over the steps, (T,) each.
 
         ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary. If
-        there are covariances, ``nees.total`` is the sum of NEES over ``nees.pairs`` pairs. If
-        requested, ``gospa`` and its parts are in state units to the power p.
+        there are covariances, ``nees.total`` is the sum of NEES, and ``nees.pairs`` is the number
+        of pairs in it. If requested, ``gospa`` and its parts are in state units to the power p.
         """
         size, tracked = len(self.labels.times), Tracked.of(self.proof)
         step, weight = tracked.truth.step, tracked.weight
@@ -245,7 +245,7 @@ class EvaluationByClass(Evaluation):
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking of all classes together."""
+        """Common tracking numbers of all classes together."""
         return summarise(self, Tracked.joined([part.tracked for part in self.results.values()]))
 
     @property
@@ -254,7 +254,7 @@ class EvaluationByClass(Evaluation):
         return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
-        """Return tables of tracks class by class, with the class as first column."""
+        """Return the table `name` of all classes, with the class as first column."""
         tables = {part: made.table(name) for part, made in self.results.items()}
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}

@@ -84,9 +84,9 @@ class MeasuredSides(ComparedSides):
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate, aligned and prepared.
+        Truth and estimate on one grid, with states as `distance` compares them.
     distance : Distance
-        Base distance, prepared.
+        Base distance, after its method `prepared`.
     recorded : callable
         Function without arguments. It returns the records of both sides, with rows and digests,
         and a record of the truth on which the value is evaluated. Trials of repairs do not call it.
@@ -103,7 +103,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """Return the problem of the pairs `near`, which must include all within the cutoff."""
+        """Return the problem of the pairs `near`, which must have all nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -183,9 +183,9 @@ class NearPairs:
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate, prepared.
+        Truth and estimate, with states as `distance` compares them.
     distance : Distance
-        Base distance, prepared.
+        Base distance, after its method `prepared`.
     pairs : Pairs
         Near pairs.
     unjudged : pair of (R,) bool arrays, optional
@@ -426,7 +426,7 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Add pairs of true states in gaps: those beyond the cutoff, but within cutoff and `reach`.
+    """Add the pairs of true states in gaps that are beyond the cutoff by at most `reach`.
 
     `cutoff` has the cutoff, and a margin for rounding by which a pair may be farther.
     """
@@ -450,7 +450,10 @@ def with_far_pairs(
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
-    """Return masks of ignored rows of the truth, and excused rows of the estimate, if any."""
+    """Return masks of ignored rows of the truth and excused rows of the estimate.
+
+    The result is None if all rows count.
+    """
     if request.ignoring is None:
         return None
     masks = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Sliding:
-    """Sliding windows of length `size`; each next window begins `every` later.
+    """Sliding windows of length `size`; the next window always begins `every` later.
 
     The first window begins at the first step.
 
@@ -189,7 +189,7 @@ class EvaluationRequest:
     solver : Solver
         Solver with its settings.
     time_matching : TimeMatching
-        Rules for joining timestamps into steps, and for the steps that count.
+        Rules that decide which timestamps are one step, and which steps count.
     unit : str, optional
         Unit of the states, for display.
     curve : bool

@@ -522,7 +522,7 @@ def _ages(side: Trajectories) -> Floats:
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
     """Return "inside" for rows in all ranges of the region, ends included, else "outside".
 
-    A row is blank if a value is missing. The result is None if a column is.
+    A row is blank if a value is missing. The result is None if a column is missing.
     """
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:

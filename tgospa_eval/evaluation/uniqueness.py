@@ -29,8 +29,8 @@ NO_TIE = 1e-9
 SHARE = 100.0
 """Largest loss of a path in any best assignment, as a multiple of the gap.
 
-A path with a larger loss has the weight 0: the weights of a vertex are multiples of a fraction
-between 1/2 and 1/18, so a positive weight would cost more than the gap."""
+A path with a larger loss has the weight 0. In a vertex of the linear programme, weights are
+multiples of a fraction between 1/2 and 1/18, so any other weight would cost more than the gap."""
 
 ROUNDS = 50
 """Largest number of rounds of conclusions; a round takes as long as two searches for paths."""

@@ -63,7 +63,7 @@ SEGMENTS = 2_000
 """Largest number of pairs of consecutive true states that give the typical speed and time."""
 
 ACROSS = 5.0
-"""A gap is too long to continue an object if it is above this multiple of the typical time."""
+"""An object continues across gaps up to this multiple of the typical time between its states."""
 
 FINER = 16
 """Largest number of samples in the typical time between two states, for fast targets."""
@@ -185,7 +185,9 @@ HALVINGS = 7
 """The smallest change of a shift is the time between samples, halved this many times."""
 
 DOUBLINGS = 5
-"""The best shift is compared with shifts up to this far: the sample time, doubled so often."""
+"""Shifts around the best one, with which it is compared, differ from it by up to a limit.
+
+The limit is the time between samples, doubled this many times."""
 
 STRETCHES = 20
 """Number of stretches of the recording whose gains give the standard errors."""
@@ -199,7 +201,7 @@ LOCAL = 6.0
 A rival is a shift that is not clearly worse. If there is such a maximum, nothing is reported."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Smallest shares of a rival: of the steps of the best shift, and of its gain at these steps."""
+"""Smallest shares that a rival has of the best shift: of its steps, and of its gain at them."""
 
 ROBUST = 16.0
 """A sharp fit counts a pair only if its (d / c)^p is below this multiple of the median one."""
@@ -238,7 +240,7 @@ class Fit:
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
         saved = np.bincount(step, gain, minlength=self.costs.steps)
-        return np.asarray(saved, np.float64)  # without pairs, they are integers
+        return np.asarray(saved, np.float64)  # bincount without pairs has integers
 
     @property
     def sharpest(self) -> float:
@@ -290,7 +292,9 @@ OUTLIERS = 4.0
 """A pair is not used if its error is above this multiple of the median error."""
 
 VARIED = 0.02
-"""Smallest variation of velocities, as a share of squared speeds, that separates a shift."""
+"""Smallest variation of velocities, as a share of the squared speeds, for this search.
+
+With less variation, a shift in time looks the same as a displacement."""
 
 SURE = 3.0
 """A displacement is more than noise if it exceeds this number of standard errors."""
@@ -468,7 +472,7 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """Return the best fit near a shift if the estimate may be displaced, or None.
+        """Return the best fit near a shift, with its displacement, or None if it is unclear.
 
         Two more results are two standard errors of the shift, and True if the displacement is more
         than noise. With `moves` False, the shift stays as it is.
@@ -644,15 +648,13 @@ NEARLY = 0.01
 """Timestamps that differ by less than this share of the median step are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
-"""Other units of timestamps than seconds; the key is the power of ten that gives seconds."""
+"""Units of timestamps, by the power of ten that converts them to seconds."""
 
 WORTH = 0.5
 """Smallest share of the cost that another clock must save to cause a warning."""
 
 SUSPICIOUS = 3.0
-"""Number of standard errors by which a fit with the estimate moved by one step must be better.
-
-Then another clock is searched."""
+"""If a move by one step fits better by this number of standard errors, a search begins."""
 
 MOVES = np.array([[1], [-1]])
 """Numbers of steps by which the estimate is moved for the test of `SUSPICIOUS`."""

@@ -208,7 +208,7 @@ NOTABLE_COST = 1e-3
 CHEAPER = 2 / 3
 """Share of the steps with costs at which a change must lower the cost.
 
-A late start, for example, makes only one step costly; so a change has no credible effect."""
+If only one step is costly, as after a late start, a fault of all steps is not likely."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

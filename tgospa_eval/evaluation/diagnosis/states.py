@@ -235,7 +235,7 @@ class _Change:
     code : str
         Code of the warning.
     text : str
-        Suspected fault, and its correction, as the begin of a sentence.
+        Suspected fault, and its correction, as the beginning of a sentence.
     remedy : str
         Remedy, as it is proposed to the user.
     order : tuple of int
