@@ -187,7 +187,7 @@ def array_rows(
     if not size:
         raise InputError(f"{path}: {labels[what]}: no coordinates")
     first = int(axes is MATLAB)
-    if there is None:  # without elements, other axes may be huge
+    if there is None:  # an empty array may have huge axes
         there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1

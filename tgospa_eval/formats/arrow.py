@@ -231,7 +231,7 @@ def read_argoverse(path: str, data: bytes, options: ReadOptions, role: str, *, g
     Raises
     ------
     InputError
-        An error of `read_feather`.
+        The file cannot be read, see `read_feather`.
     ConfigError
         pyarrow is not installed.
     """

@@ -1,7 +1,7 @@
 """Conversion of the rows of a file to Trajectories: filters, duplicates and order.
 
-The id and the time of a row are its (id, t). The key of a row is a number, by which rows are in
-order of step and track.
+An (id, t) is the id and the time of a row. Each row has a number as its key. Rows that are sorted
+by key are in the order of steps, and within a step in the order of tracks.
 """
 
 from collections.abc import Iterator, Sequence
@@ -74,7 +74,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    timestamps, step, labels = _grid(rows, options, choice)  # first: no part has other times
+    # The range of time is first: of a file that is read in parts, only this range is read.
+    timestamps, step, labels = _grid(rows, options, choice)
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
             choice.keep(~mask, rule, sentence)
@@ -542,7 +543,7 @@ def _repeats(
             raise InputError(only_detections(rows.name))
         return None
     if which == "error":
-        for name in ("id", "t"):  # perhaps the column is missing
+        for name in ("id", "t"):  # a missing column may be the reason
             if name in rows.roles.missing:
                 raise InputError(rows.roles.missing[name])
         raise InputError(refusal(taken, again, key, rows, format, options.option))
@@ -590,7 +591,7 @@ def _classes(
 def _covariances(
     rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
-    """Return the covariances of the rows `taken`, with messages in `choice`."""
+    """Return the covariances of the rows `taken`, and add notices about them to `choice`."""
     from tgospa_eval.formats.spread import covariances_of
 
     numbers = rows.roles.numbers
@@ -658,7 +659,7 @@ PARTICLES_HINT = 'if the rows are particles of one object, add a column "weight"
 ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
-"""Share of the rows with one id from which on a message says that nearly every id is the same."""
+"""Smallest share of rows with one id for which a message says that nearly every id is this one."""
 
 
 def only_detections(name: str) -> str:

@@ -200,7 +200,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     Raises
     ------
     TimeError
-        An error of `parse_times`, about the first wrong row.
+        A time is wrong, see `parse_times`; the error is about the first wrong row.
     """
 
     def to_floats(texts: Sequence[str]) -> Floats:
@@ -223,14 +223,14 @@ def read_times(
 ) -> Times:
     """Read times from one column, or from two columns that are parts of one time.
 
-    `form` is the way in which the user says that times are written, if any. `second` is the second
+    `form` is the format and zone of the times, if the user gave them. `second` is the second
     column. If its header says that it has fractions of a second, `digits` is the number of their
     decimal places; otherwise it is 0.
 
     Raises
     ------
     TimeError
-        An error of `parse_times`, or a text does not fit the form.
+        A time is wrong, see `parse_times`, or a text does not fit the format.
     """
     if second is not None:
         column = joined_texts(column, second)
@@ -368,9 +368,9 @@ DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(
 
 
 def _reading_of(text: str) -> str:
-    """Return the formats that would read a text, as a remedy; blank for most texts.
+    """Return a remedy for a text that is a time of day, or a date such as 1/2/2020.
 
-    The text is a time of day, or a date in which day and month may be exchanged.
+    The remedy has the formats that would read the text. It is blank for other texts.
     """
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)

@@ -24,7 +24,7 @@ YOLO_RULE = "a line has class, cx, cy, width, height, perhaps confidence, and id
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read TUM files as one table; each has one trajectory, and its name is the id.
+    """Read TUM files as one table; each has one trajectory, whose id is the name of the file.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
 
 
 def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read CSV files without ids as one table; each has one object, and its name is the id.
+    """Read CSV files without ids as one table; each has one object, whose id is the file name.
 
     Raises
     ------
@@ -63,9 +63,10 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
 
 
 def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read YOLO files as one table; each has the boxes of a frame, and its name ends in the number.
+    """Read YOLO files as one table.
 
-    Boxes are in units of the size of the image.
+    Each file has the boxes of one frame, and its name ends in the number of the frame. Boxes are in
+    units of the size of the image.
 
     Raises
     ------

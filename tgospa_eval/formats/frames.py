@@ -203,7 +203,7 @@ def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
 
 @contextmanager
 def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
-    """Convert errors about a value, also about a timestamp out of range; add its row and column."""
+    """Add row and column to errors about a value, such as a timestamp out of range."""
     try:
         yield
     except RowError as error:
@@ -310,7 +310,7 @@ def id_text(value: object, name: str) -> str:
 
 
 def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
-    """Return the times of a table, from one or two columns, in the form that the user gave."""
+    """Return the times of a table, from one or two columns, by the format that the user gave."""
     column = frame.iloc[:, roles.time]
     if roles.second is None and (roles.options.form is None or not roles.options.form.format):
         times = _times(column, name, decimal)

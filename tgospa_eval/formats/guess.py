@@ -51,7 +51,7 @@ RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
 ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
 """Columns by which Feather files of Argoverse 2 are recognised."""
 SCHEMA_BYTES = 1 << 14
-"""Number of first bytes of a file in which names of columns or parts are looked for."""
+"""Number of first bytes in which names of columns (Feather) or of parts (Excel) are looked for."""
 
 BEGINNINGS = {
     "json": r'\{\s*["}]|\[\s*[{\]]',

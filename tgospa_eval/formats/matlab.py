@@ -53,7 +53,7 @@ Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
 """Fields of a structure, elements of a cell, or real numbers; None for anything else."""
 
 Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
-"""Variables of a file by name: the sizes of an array (else empty), and a callable that reads it."""
+"""Variables of a file by name: sizes of an array (else empty), and a callable that reads a value."""
 
 Room = Callable[[int, str], None]
 """Callable that receives a size in bytes and words for a message; it raises if memory is short."""
@@ -266,7 +266,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     paths, files = options.beside, tuple(map(file_of, options.beside))
     is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
     sides = tuple(zip(paths, files, options.roles, strict=True)) if is_one else ()
-    is_named = file_of(f"{path}:X") == path  # FILE:X can be read
+    is_named = file_of(f"{path}:X") == path  # whether FILE:X is possible
     name, fields, about = _in_helper(_choose, path, data, options.max_input, role, sides, is_named)
     rows = _rows(f"{path}, {name}", fields, options, len(data))
     return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))

@@ -151,7 +151,9 @@ def _rows_of_tracks(
 
 
 State: TypeAlias = "tuple[str, Any, Floats, Cloud, Floats | None]"
-"""Id, time, mean, particles and covariance of a state; without particles, the mean is one."""
+"""Id, time, mean, particles and covariance of a state.
+
+A state without particles has its mean as the only particle."""
 
 
 def _states_of_tracks(
@@ -276,8 +278,8 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
     """Return both sides; a side that is None becomes a reading without tracks.
 
-    It has the columns of the other side. If both sides are None, both have `columns`, by default
-    two.
+    It has the columns of the other side. If both sides are None, they have `columns`; without
+    these, they have two columns.
     """
     given = tuple(side for side in sides if side is not None)
     if len(given) == len(sides):
@@ -477,7 +479,7 @@ def _counts_steps(side: object) -> bool:
 
 
 def is_variables(side: object) -> bool:
-    """Return whether a side is a mapping from names to arrays by step and track, as in a file."""
+    """Return whether a side is a mapping from names to arrays by step and track, as in npz."""
     return isinstance(side, Mapping) and any(
         isinstance(key, str) and kind_of(key)[0] in ("x", "particles") and np.ndim(value) > 2
         for key, value in side.items()
@@ -775,7 +777,7 @@ def from_rows(
 
 
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
-    """Replace the times of trajectories by `times`, of which equal ones are one step."""
+    """Replace the times of trajectories by `times`; equal times become one step."""
     labels = None
     timestamps, step = np.unique(times.value, return_inverse=True)
     if times.text is not None:

@@ -71,7 +71,7 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
                 f"{values[filled[0]]:g} is a number, and {way} compares with a text; "
                 "compare with a number"
             )
-        if number is None:  # all are blank, or the value is
+        if number is None:  # the column is blank, or the text is
             return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
         return np.asarray(compare(values, number))
     if isinstance(value, str):

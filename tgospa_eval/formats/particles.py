@@ -27,7 +27,7 @@ class Particles:
     uneven : int
         Number of clouds whose weights in the file do not sum to 1.
     worst : float
-        Sum of the weights of that cloud of the file for which it is farthest from 1.
+        Sum of the weights of one cloud of the file: the cloud whose sum is farthest from 1.
     idle : int
         Number of rows that take part and have weight 0.
     """
@@ -98,7 +98,7 @@ class Particles:
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
-    """Build the clouds of the rows of `mask`; rows with the same key are one cloud.
+    """Build the clouds of the rows where `mask` is True; rows with the same key are one cloud.
 
     If no cloud would have two particles, return None, unless `always` is True.
 

@@ -135,7 +135,7 @@ class Reading:
     left_out : dict
         Number of left-out rows, by the rule that left them out.
     format : str
-        Format as which the file was read.
+        Format in which the file was read; blank for an object in memory.
     classes : tuple of str
         Names of the classes that take part, if `ReadOptions.by_class` is set.
     klass : (R,) int array, optional
@@ -249,8 +249,8 @@ def by_one_place(
 ) -> list[Reading | None]:
     """Read both sides by the same columns of positions, if `by_place` changed those of one side.
 
-    If one side then has centres of boxes and the other has points, a side with unknown
-    positions gets a warning.
+    If one side then has centres of boxes and the other has points, a side with unknown positions
+    gets a warning.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     records = document["annotations"] if is_coco else document
     records = _by_key(records)
     if isinstance(records, dict):
-        with suppress(ValueError):  # columns by name, of DataFrame.to_json
+        with suppress(ValueError):  # columns by name, as by DataFrame.to_json
             records = pd.DataFrame(records).to_dict("records")
     if not _are_records(records) or not records:
         raise InputError(f"{path}: {foreign('{')}")

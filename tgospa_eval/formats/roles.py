@@ -165,7 +165,10 @@ class Roles:
 
     @property
     def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states, by name, where they differ; empty for fixed headers."""
+        """Headers of ids, times and states, by name, where header and name differ.
+
+        Empty if the headers are `fixed`.
+        """
         headers = self._headers()
         return {name: header for name, header in headers.items() if header.casefold() != name}
 

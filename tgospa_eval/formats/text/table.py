@@ -256,7 +256,7 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     case, with a notice in the roles: no number has the requested mark, and at least one certainly
     has the other. In 1,250 and 1.250 it is not certain, as the mark may separate thousands.
     """
-    columns = {roles.time, *roles.numbers} - {roles.weight}  # perhaps no numbers
+    columns = {roles.time, *roles.numbers} - {roles.weight}  # a weight may be no number
     other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
         return roles, requested
