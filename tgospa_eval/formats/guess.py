@@ -118,7 +118,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
     """Guess the format of a table from its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
-    # If all first lines are comments, the file is a table or empty, and the comments are examined.
+    # If all first lines are comments, the file is a table or empty.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)

@@ -53,7 +53,7 @@ Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
 """Fields of a structure, elements of a cell, or real numbers; None for anything else."""
 
 Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
-"""Variables of a file by name: sizes of an array (else empty), and a callable that reads a value."""
+"""Variables of a file by name: sizes of an array (else empty), and a callable to read the value."""
 
 Room = Callable[[int, str], None]
 """Callable that receives a size in bytes and words for a message; it raises if memory is short."""
