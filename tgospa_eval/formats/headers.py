@@ -94,9 +94,10 @@ SKIPPED = ("-", "_")
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """Return, for each file, its columns and the names that are mapped only for all files together.
+    """Return, for each file, its columns and the names that are mapped for all files.
 
-    One file is allowed to lack the headers to which the latter names are mapped.
+    One file is allowed to lack the headers to which these names are mapped. A name that the file
+    maps itself is not among them.
 
     Parameters
     ----------
