@@ -230,7 +230,7 @@ class OptionSpec:
     kind : str
         Kind of the text: ``"path"``, or ``"size"`` of memory; blank for any text.
     low, high : int, optional
-        Smallest and largest value of a whole number.
+        Smallest and largest allowed value of a number.
     shown : str
         Default in words.
     number : bool

@@ -162,10 +162,10 @@ class PlotData:
     Parameters
     ----------
     document : Json
-        Data over time, and descriptions of the encoded arrays. Its fields include these:
-        Data over time are in groups of ``together`` consecutive steps, which begin at ``times``.
-        ``costs`` and ``counts`` are means over each group, ``curve`` is the value at its last step.
-        If groups have several steps, ``worst`` lists the single steps with the highest costs.
+        Data over time, and what is needed to decode the arrays. Some of its fields: data over time
+        are in groups of ``together`` consecutive steps, which begin at ``times``. ``costs`` and
+        ``counts`` are means over each group, ``curve`` has the value at its last step. If groups
+        have several steps, ``worst`` lists the single steps with the highest costs.
         ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of encoded
         ellipses; it is empty without ellipses. For each side, ``particles`` has the number of drawn
         particles and the number of all particles. ``words`` has other names of sides and parts.

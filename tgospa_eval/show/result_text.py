@@ -70,7 +70,7 @@ SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total"
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
 COSTS = {"total", "localisation", "missed", "false"}
 LOW = {"IDSW", "total"}
-"""Those of these numbers that are better if they are lower, like TGOSPA."""
+"""Numbers in `COMPARED` that are better if they are lower, like TGOSPA."""
 
 
 def other_table(other: OtherMetrics) -> Table:
@@ -160,9 +160,9 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """Return numbers of which the smallest is best: the values, or how much less than the largest.
+    """Return a number for each value, as an interval of width 0; the smallest is the best.
 
-    They are intervals of width 0.
+    They are the values, or their differences to the largest value if this is the best.
     """
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
@@ -287,9 +287,9 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Yield notes on slices: whose attribute decides the slice of a cost, and whether it is unique.
+    """Yield notes on slices: whose attribute decides the slice of a cost; is the split unique?
 
-    The split is not unique if another assignment with the same total would split it differently.
+    It is not unique if another assignment with the same total would split it differently.
     """
     if not slicings:
         return

@@ -58,7 +58,7 @@ def _has_errors(*errors: Iterable[float | None]) -> bool:
 def draw_errors(document: Json, style: Style) -> Figure | None:
     """Draw the errors of `sinkhorn` over its temperature, a line for each bound and value.
 
-    The exact value, from which errors are measured, is known from the bounds of all runs.
+    Errors are measured from the narrowest bounds that all runs together prove.
     """
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
@@ -130,7 +130,7 @@ def _epsilon(run: Json) -> float:
 def draw_convergence(document: Json, style: Style) -> Figure | None:
     """Draw how the errors of both bounds become smaller with the sweeps, for each run.
 
-    The exact value, from which errors are measured, is known from the bounds of all runs.
+    Errors are measured from the narrowest bounds that all runs together prove.
     """
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
@@ -372,7 +372,8 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""An axis is logarithmic if half of its values are within this first share of its range."""
+"""Share of the range of an axis, from its low end. If half of the values are within it, the axis is
+logarithmic."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:

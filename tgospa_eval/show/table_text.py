@@ -145,8 +145,8 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Smallest width to which the first column of a wide table is shortened. If different texts would
-become the same, the column stays wider, but not wider than the second number."""
+"""If a table is too wide, its first column is shortened down to `MIN_NAME_WIDTH`. If different texts
+would become the same, the column is wider, up to `MAX_NAME_WIDTH`."""
 
 MIN_WORDS = 20
 """Smallest width of a column whose texts are wrapped."""
@@ -208,7 +208,7 @@ class Table:
 
     @property
     def sides(self) -> str:
-        """The letters of `align`, or the default of them."""
+        """Letters of `align`, or its default."""
         return self.align or ("l" * self.labels).ljust(len(self.head), "r")
 
 
