@@ -287,9 +287,9 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Yield notes on slices: whose attribute decides the slice of a cost; is the split unique?
+    """Yield notes on slices: whose attribute decides the slice of a cost, and uniqueness.
 
-    It is not unique if another assignment with the same total would split it differently.
+    A split is not unique if another assignment with the same total would give a different one.
     """
     if not slicings:
         return

@@ -145,8 +145,8 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""If a table is too wide, its first column is shortened down to `MIN_NAME_WIDTH`. If different texts
-would become the same, the column is wider, up to `MAX_NAME_WIDTH`."""
+"""In a table that is too wide, the first column is shortened, at most to `MIN_NAME_WIDTH`. If texts
+that differ would become the same, it is wider, up to `MAX_NAME_WIDTH`."""
 
 MIN_WORDS = 20
 """Smallest width of a column whose texts are wrapped."""
