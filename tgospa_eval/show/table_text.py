@@ -39,7 +39,7 @@ _LINKS = r":(?=//)|(?<=www)\."
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 """Begin of a text that a spreadsheet would read as a formula, possibly after apostrophes."""
 
-_NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
+_NOT_LATIN = "[^\\0-\u024f\u0391-\u03c9\u2010-\u2027]"
 """Letters that pdflatex does not support."""
 
 _NUMBER = r"-?[\d,]+(\.\d+)?"
@@ -99,7 +99,7 @@ def _greek(letter: str) -> str:
         "psi",
         "omega",
     )
-    return rf"\ensuremath{{\{word.capitalize()}}}" if is_own else LATIN[letter]
+    return rf"\ensuremath{{\{word.capitalize()}}}" if is_own else LATIN.get(letter, letter)
 
 
 def latex_comment(text: str) -> str:
