@@ -230,7 +230,10 @@ def test_runs_that_the_baseline_lacks_count_for_nothing(gate: Invoke) -> None:
     runs(-0.9, 3, seeds=range(6, 16))
     answer = gate("--format", "json")
     assert answer.status == 1
-    assert groups(answer)["all"]["notes"][0].endswith("10 runs, not in the baseline, are left out")
+    ((warning,), none) = (groups(answer)[name]["warnings"] for name in ("slow", "all of {scene}"))
+    assert (warning["code"], none) == ("not-in-baseline", [])
+    assert "slow/6, slow/7, slow/8, slow/9, slow/10 and 5 more: not in the base" in warning["text"]
+    assert "group slow: warning: slow/6" in answer.err
     subprocess.run(["rm", "-r", "data/slow/2"], check=True)
     assert groups(gate("--format", "json"))["slow"]["verdict"] == "not comparable"
 

@@ -61,6 +61,19 @@ def test_the_same_passes_and_a_worse_job_fails(batch: Invoke, invoke: Invoke) ->
     assert invoke("gate", "new", "--max", "tgospa=5.1").status == 0
 
 
+def test_warnings_of_stored_jobs_are_in_every_output(batch: Invoke, invoke: Invoke) -> None:
+    Path("out/a/1.csv").write_text("id,t,x\n", encoding="utf-8")
+    batch("new")
+    said = "a/1: warning: no row of the estimate is evaluated"
+    answer = invoke("gate", "old", "new", "--fail-on", "total:+9999%", "-o", "g", "-q")
+    assert said in answer.err
+    page = Path("g/gate.html").read_text(encoding="utf-8")
+    assert said.replace("warning: ", "") in page
+    answer = invoke("gate", "new", "--baseline", "b.json", "--update-baseline", "-q")
+    assert said in answer.err
+    assert "a/1: misses all ground-truth states" in " ".join(answer.out.split())
+
+
 def test_jobs_that_are_missing_or_failed_do_not_pass(batch: Invoke, invoke: Invoke) -> None:
     Path("out/b/2.csv").unlink()
     batch("fewer", "--allow-missing")

@@ -24,7 +24,7 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.options import GateOptions
 from tgospa_eval.campaign.gate.outcome import Report
-from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
+from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record, title
 from tgospa_eval.campaign.gate.rules import OF_NEES, Verdict
 from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
@@ -105,7 +105,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _judge_store(gate, truth, estimate)
+        return _said(_judge_store(gate, truth, estimate), notify, stored=True)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -133,7 +133,15 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
-    return _with_first_changes(gate, report, pairs, old or {}, path, target)
+    return _said(_with_first_changes(gate, report, pairs, old or {}, path, target), notify)
+
+
+def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
+    """Return the report, after warnings of groups and stored jobs, which no evaluation printed."""
+    for one in report.outcomes:
+        for warning in one.warnings if stored or one.group else ():
+            notify(f"{title(one)}: {warning}")
+    return report
 
 
 def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:

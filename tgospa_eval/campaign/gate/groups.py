@@ -8,8 +8,10 @@ above its limit always fails. Absolute limits, values of assigned pairs, and gro
 scene are judged by the sums without a test.
 
 A dead run always fails, whatever the limit is. The measure is the largest number of states that a
-run of its scene missed in the baseline. A run is dead if it misses more than halfway from this
-number to all states. A quarter of the way is enough if its number of misses is a jump.
+run of its scene missed in the baseline, without runs that missed all states. A run is dead if it
+misses more than halfway from this number to all states. A quarter of the way is enough if its
+number of misses is a jump. Only a run that missed all states in each night of the baseline may do
+so again.
 
 All groups of a table are also judged together, as one more group, which shows small changes that
 all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
@@ -43,7 +45,8 @@ from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.consistency import NeesSums
@@ -87,6 +90,8 @@ class SceneRuns:
         Entries of the baseline, in the same order.
     paired : bool
         Whether the new runs and the entries have the same names.
+    added : mapping of str to Measured
+        Further new runs, if `paired`: without an entry they can only be dead or not.
     """
 
     name: str
@@ -94,6 +99,7 @@ class SceneRuns:
     now: Sequence[Measured]
     old: Sequence[Json]
     paired: bool
+    added: Mapping[str, Measured]
 
     def missed(self) -> Rises:
         """Return the rises of the missed shares of the new runs above the baseline."""
@@ -109,20 +115,30 @@ class SceneRuns:
     def dead(self, p_values: Floats) -> list[rules.Finding]:
         """Return a finding for each dead run; `p_values` are those of jumps of the missed shares.
 
-        The limit is halfway from the most misses of a run of the baseline to all states, or a
-        quarter of the way if the misses are a jump.
+        The limit is halfway from the most misses of a living run of the baseline to all states, or
+        a quarter of the way if the misses are a jump.
         """
         findings = []
-        ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
-        for name, one, p in zip(self.names, self.now, p_values, strict=True):
+        nights = [
+            [missed for missed in map(_missed, nights_of(entry)) if missed < all_states]
+            for entry in self.old
+            for all_states in [entry["judged"]["truth_states"]]
+        ]
+        ever = max((missed for living in nights for missed in living), default=math.inf)
+        died = sum(map(len, nights)) < sum(len(nights_of(entry)) for entry in self.old)
+        could_live = map(bool, nights) if self.paired else [True] * len(self.now)
+        runs = [*zip(self.names, self.now, p_values, could_live, strict=True)]
+        runs += [(name, one, 1.0, True) for name, one in self.added.items()]
+        for name, one, p, alive in runs if ever < math.inf else ():
             states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
             limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
-            if missed.lower > limit and (one.silent or states >= MIN_STATES):
+            if alive and missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
                     f"{name}: the tracker failed: it misses {missed.lower:g} of {states} "
                     "ground-truth states"
-                    f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
-                    f"baseline missed more than {ever:g}"
+                    f"{' and reports none' if one.silent else ''}; no "
+                    f"{'living run' if died else 'run'} of {self.name} in the baseline missed "
+                    f"more than {ever:g}"
                 )
                 findings.append(
                     replace(rules.judge(replace(ALIVE, slack=limit), missed, ever), note=note)
@@ -142,14 +158,11 @@ class Group:
         Scenes with new runs and runs of the baseline.
     faults : tuple of str
         Reasons why the group cannot be compared.
-    notes : tuple of str
-        Notes on runs that are left out.
     """
 
     name: str
     scenes: tuple[SceneRuns, ...]
     faults: tuple[str, ...]
-    notes: tuple[str, ...]
 
     @property
     def runs(self) -> int:
@@ -250,9 +263,26 @@ def judge_groups(
                 else []
             )
             outcomes.append(
-                combined_outcome(group.name, findings, table.rules, group.faults, group.notes, dead)
+                _warned(
+                    combined_outcome(group.name, findings, table.rules, group.faults, dead),
+                    [name for scene in group.scenes for name in scene.added if k < len(among)],
+                    strict=strict,
+                )
             )
     return outcomes
+
+
+def _warned(one: PairOutcome, added: Sequence[str], *, strict: bool) -> PairOutcome:
+    """Return the outcome with a warning about runs that it leaves out; with `strict` they fail."""
+    if not added or one.verdict is rules.Verdict.INCOMPARABLE:
+        return one
+    text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs judges"
+    which = "this run" if len(added) == 1 else "these runs"
+    warning = Notice(code="not-in-baseline", text=f"{text} {which}")
+    if strict and not one.status:
+        verdict = rules.Verdict.INCOMPARABLE
+        one = replace(one, verdict=verdict, status=rules.STATUS[verdict])
+    return replace(one, warnings=(warning,))
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
@@ -319,7 +349,7 @@ def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
-    return [Group(name=f"all of {table.name}", scenes=scenes, faults=(), notes=())]
+    return [Group(name=f"all of {table.name}", scenes=scenes, faults=())]
 
 
 def _groups(
@@ -359,7 +389,7 @@ def _group(
     lost: Iterable[str],
 ) -> Group:
     """Return one group; each scene has the names of its new runs and of its baseline runs."""
-    scenes, notes = [], []
+    scenes = []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
         where = ", ".join(scene) or "all runs"
@@ -372,6 +402,12 @@ def _group(
         if common and gone:
             faults.append(f"{listed(gone, SHOWN)}: in the baseline, but not among the pairs")
             continue
+        if not common and len(mine) < len(theirs):
+            faults.append(
+                f"{where}: {counted(len(mine), 'run')}, but {len(theirs)} in the baseline, with "
+                "other seeds; if that is right, renew the baseline"
+            )
+            continue
         reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
         if not common:
             reasons = [
@@ -380,10 +416,6 @@ def _group(
                     now[mine[0]].parameters, old[theirs[0]]["parameters"]
                 )
             ]
-        elif len(mine) > len(common):
-            notes.append(
-                f"{where}: {len(mine) - len(common)} runs, not in the baseline, are left out"
-            )
         faults += reasons[:1]
         names = common or mine
         scenes.append(
@@ -393,6 +425,7 @@ def _group(
                 now=[now[run] for run in names],
                 old=[old[run] for run in theirs],
                 paired=bool(common),
+                added={run: now[run] for run in mine if common and run not in common},
             )
         )
     if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
@@ -400,7 +433,7 @@ def _group(
     orders = {one.order for scene in scenes for one in scene.now}
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
-    return Group(name=name, scenes=tuple(scenes), faults=tuple(faults), notes=tuple(notes))
+    return Group(name=name, scenes=tuple(scenes), faults=tuple(faults))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -40,7 +40,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
-from tgospa_eval.quoting import option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Parameters with rules, by their keys in a suite."""
@@ -291,10 +291,11 @@ def _judge_all(
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             entry, own = old.get(pair.name), rules[pair.name]
-            if path and entry is None and not pair.is_new:
-                outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
-            else:
-                outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
+            in_group = path and entry is None and not pair.is_new
+            own = [rule for rule in own if rule.absolute] if in_group else own
+            outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
+            if in_group:
+                outcome = replace(outcome, notes=(*outcome.notes, IN_GROUP))
             if pair.is_new:
                 note = "new, not judged: not in the target yet; limits of "
                 note += f"{option('limits')} only warn"
@@ -334,7 +335,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 MAX_PAGES = 200
 """Number of pairs up to which each pair has a page; with more pairs, passing pairs have no page."""
 
-IN_GROUP = "not in the baseline: judged only in its group"
+IN_GROUP = "not in the baseline: its group tells what judges it"
 
 
 def _updated(
@@ -357,7 +358,7 @@ def _updated(
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
             raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair has such a name")
-    new, outcomes = dict(old), []
+    new, outcomes, dead = dict(old), list[PairOutcome](), list[str]()
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
         before = old.get(pair.name)
@@ -370,6 +371,8 @@ def _updated(
             lines = (f"{gate.prefix(pair.name)}{line}" for line in error.args)
             raise type(error)(*lines) from None
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
+        if now.values["counts.missed"].lower >= now.evaluated_on["truth_states"] > 0:
+            dead.append(pair.name)
     names = {pair.name for pair in pairs}
     gone = [name for name in old if name not in names and gate.chosen(name)]
     for name in gone if gate.prune else ():
@@ -380,10 +383,14 @@ def _updated(
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {source}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
+    empty = [
+        f"{listed(dead, 5)}: misses all ground-truth states: a baseline with a dead run allows "
+        "such a run again, and raises the limits; check the estimate before you commit the baseline"
+    ]
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
         version=__version__,
         tally=tally,
-        notices=tuple(_few_runs(pairs, groups, new)),
+        notices=(*(empty if dead else ()), *_few_runs(pairs, groups, new)),
     )

@@ -218,7 +218,6 @@ def combined_outcome(
     findings: Iterable[Finding | None],
     rules: Iterable[Rule],
     faults: Iterable[str],
-    more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
     """Return verdict, findings and notes of a group; `faults` are reasons why it is not comparable.
@@ -229,7 +228,7 @@ def combined_outcome(
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
     every = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
-    notes = [*more, *(text for one in every for text in _sentences(one))]
+    notes = [text for one in every for text in _sentences(one)]
     better = [one.rule.path for one in every if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
