@@ -62,7 +62,7 @@ def test_the_same_passes_and_a_worse_job_fails(batch: Invoke, invoke: Invoke) ->
 
 
 def test_warnings_of_stored_jobs_are_in_every_output(batch: Invoke, invoke: Invoke) -> None:
-    Path("out/a/1.csv").write_text("id,t,x\n", encoding="utf-8")
+    Path("out/a/1.csv").write_text("id,t,x,y\n", encoding="utf-8")
     batch("new")
     said = "a/1: warning: no row of the estimate is evaluated"
     answer = invoke("gate", "old", "new", "--fail-on", "total:+9999%", "-o", "g", "-q")

@@ -288,6 +288,19 @@ def number_in(values: Json, name: str | None, path: str) -> float:
     return float(value_at(own, path) or 0.0)
 
 
+def lowest_in(values: Json, order: float, name: str | None, path: str) -> float:
+    """Return the proven lower bound of a value, or the value if it has no bounds.
+
+    The bounds of a class are not stored: its gap is at most that of all classes.
+    """
+    value, total = number_in(values, name, path), number_in(values, name, "total")
+    if path not in PROVEN or not total:
+        return value
+    lower, upper = (values[bound] ** order for bound in BOUNDS)
+    gap = values["total"] * (1 - lower / upper)
+    return float(value * max(1 - gap / total, 0.0) ** (1.0 if path == "total" else 1 / order))
+
+
 def nested(values: Mapping[str, Any]) -> Json:
     """Return values by path, as in the JSON of a result."""
     table: Json = {}

@@ -32,6 +32,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     differences,
+    lowest_in,
     nees_values,
     nights_of,
     number_in,
@@ -596,7 +597,7 @@ class Summed:
         scenes = []
         for scene in self.group.scenes:
             now = np.array([-_now(one, self.part).upper for one in scene.now])
-            old = [_old(entry, self.part) * -share for entry in scene.old]
+            old = [_old(entry, self.part, low=True) * -share for entry in scene.old]
             scenes.append(_strata(now, old, scene.paired))
         return weighted(scenes)
 
@@ -636,9 +637,15 @@ def _now(one: Measured, part: Part) -> rules.Value:
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
 
 
-def _old(entry: Json, part: Part) -> Floats:
-    """Return the values of a run of the baseline, one for each night."""
-    return np.array([number_in(night, *part) for night in nights_of(entry)])
+def _old(entry: Json, part: Part, *, low: bool = False) -> Floats:
+    """Return the values of a run of the baseline, or their lower bounds, one for each night."""
+    order = float(entry["parameters"]["order"])
+    return np.array(
+        [
+            lowest_in(night, order, *part) if low else number_in(night, *part)
+            for night in nights_of(entry)
+        ]
+    )
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
@@ -690,7 +697,9 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
         proven=all(one.proven for one in values_of_runs),
         unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in values_of_runs),
     )
-    finding = rules.judge(rule, now, (base / old_steps) ** (1 / order))
+    low = _sum_of(group, lambda entry: float(_old(entry, part, low=True).mean()))
+    low, upper = ((total / old_steps) ** (1 / order) for total in (low, base))
+    finding = rules.judge(rule, now, upper, low)
     limit = finding.limit**order * steps
     return Summed(finding=finding, group=group, part=part, base=base, limit=limit, of_sum=of_sum)
 

@@ -10,6 +10,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     check_equal,
     differences,
+    lowest_in,
     nights_of,
     patterns_of,
     typical,
@@ -232,6 +233,7 @@ def combined_outcome(
     better = [one.rule.path for one in every if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
+    notes += _open(max((one.gap for one in every), default=0.0))
     return PairOutcome.of(pair, _worst(every), *notes, findings=tuple(every), group=True)
 
 
@@ -273,7 +275,10 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
         before = old if name is None else old.get("by_class", {}).get(name)
         if own or before:
             value = own[path] if own else replace(now.values[path], lower=0.0, upper=0.0)
-            return judge(rule, value, value_at(before, path) if before else 0.0)
+            base = value_at(before, path) if before else 0.0
+            return judge(
+                rule, value, base, lowest_in(old, now.order, name, path) if before else base
+            )
     return _unknown(rule)
 
 
@@ -314,10 +319,15 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
         yield TIGHTER.format(", ".join(dict.fromkeys(better)))
     lower, upper = (old[f"{side}_bound"] for side in ("lower", "upper"))
     gap = 1 - (lower / upper) ** now.order if upper else 0.0
+    yield from _open(gap)
+
+
+def _open(gap: float) -> Iterator[str]:
+    """Yield a note on a baseline with this relative gap, unless it is exact."""
     if gap > OPEN:
         yield (
-            f"the baseline is not exact, relative gap {gap:.2g}: the gate compares with "
-            "its upper bound"
+            f"the baseline is not exact, relative gap {gap:.2g}: limits and changes in per cent "
+            "refer to its upper bound"
         )
 
 
