@@ -405,6 +405,22 @@ def test_the_command_names_a_scene_that_failed_whole_by_a_pattern(gate: Invoke) 
     assert command.endswith("--update-baseline --only 'dense/*' --only 'fast/*'")
 
 
+@pytest.mark.parametrize("lost", ["out/slow/*.csv", "out/*/*.csv", "new\nname"])
+def test_no_command_is_proposed_that_does_not_work(
+    against: Invoke, gate: Invoke, lost: str
+) -> None:
+    for path in Path().glob(lost):
+        path.unlink()
+    if "\n" in lost:
+        for folder in ("data", "out"):
+            Path(folder, "slow").rename(Path(folder, lost))
+    for judged in (against, gate):
+        answer = judged("--format", "json")
+        assert answer.status in (2, 3)
+        assert json.loads(answer.out)["update"] == ""
+        assert "--prune" not in answer.out
+
+
 def test_an_update_says_which_parameter_changed(gate: Invoke) -> None:
     answer = gate("--update-baseline", "--only", "slow/1", "-c", "9")
     assert "slow/1: cutoff is 9.0, was 10.0" in answer.out
@@ -441,6 +457,11 @@ def test_a_baseline_in_conflict_is_resolved_by_an_update_of_some(gate: Invoke, s
     assert said in answer.err
     assert gate("--update-baseline", "--only", "fast/*").status == 2
     assert Path("base.json").read_bytes() == before
+    runs(0.4, 1)  # what this side has already
+    assert gate("--update-baseline", "--only", "slow/2").status == 0
+    assert gate().status != 2
+    Path("base.json").write_bytes(before)
+    runs(0, 1)
     answer = gate("--update-baseline", "--only", "slow/2")
     assert (answer.status, len(entries())) == (0, 15)
     assert gate().status == 0

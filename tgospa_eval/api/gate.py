@@ -436,6 +436,11 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
         raise ConfigError(f"{option(typed[0])}: not for stores, which are compared as they are")
     if gate.sources.get("suite") == "commandline":
         raise ConfigError(f"give a store or {option('suite')}, not both")
+    other = second or gate.baseline
+    if other and os.path.realpath(other) == os.path.realpath(first) and not gate.update_baseline:
+        raise ConfigError(
+            f"{other}: is given twice; name the store to judge, and another as the baseline"
+        )
     if second is None:
         return first, gate.baseline
     if gate.strong("baseline"):

@@ -14,6 +14,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     dump,
+    in_conflict,
     make_entry,
     measured,
     nights_of,
@@ -313,10 +314,9 @@ def _judge_all(
         in_order = [*first, *added[MAX_PAGES:], *in_order]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
-    note = (
-        f"in the baseline, but not in {source}; {option('update_baseline')} {option('prune')} "
-        "removes it"
-    )
+    note = f"in the baseline, but not in {source}"
+    if not is_store(path) and not any(one.verdict is Verdict.ERROR for one in in_order):
+        note += f"; {option('update_baseline')} {option('prune')} removes it"
     return in_order + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
@@ -377,7 +377,7 @@ def _updated(
     gone = [name for name in old if name not in names and gate.chosen(name)]
     for name in gone if gate.prune else ():
         del new[name]
-    if new != old or not os.path.exists(path):
+    if new != old or not os.path.exists(path) or in_conflict(path):
         write_file(path, dump(new), option("baseline"))
     note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {source}: {note}")

@@ -38,7 +38,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
-from tgospa_eval.quoting import option
+from tgospa_eval.quoting import option, visible
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.results.summary import names_summary
@@ -173,10 +173,14 @@ class Report:
 
     @property
     def advice(self) -> str:
-        """Command that accepts the failed pairs or tightens the baseline; blank without one."""
+        """Command that accepts the failed pairs or tightens the baseline; blank without one.
+
+        A command with characters that cannot be shown is blank too, because no one could copy it.
+        """
         import shlex  # lazy: most gates pass
 
-        return shlex.join(self.again)
+        command = shlex.join(self.again)
+        return command if visible(command) == command else ""
 
     def count(self, verdict: Verdict) -> int:
         """Count the outcomes with a verdict."""
@@ -533,9 +537,11 @@ def accepting_options(
 ) -> list[str]:
     """Return the options that accept the pairs that failed or are not comparable.
 
-    If every outcome has exit status 0, return the options that accept the improved pairs.
+    If every outcome has exit status 0, return the options that accept the improved pairs. While
+    files are missing or wrong, no entry is removed, and no group is accepted for its missing runs.
     """
     there = {pair.name: pair for pair in pairs}
+    broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}
 
@@ -546,6 +552,8 @@ def accepting_options(
                 names.add(one.name)
                 continue
             lost = one.verdict is Verdict.INCOMPARABLE
+            if lost and broken:
+                continue
             names |= {
                 name
                 for name, own in labels.items()
@@ -562,6 +570,7 @@ def accepting_options(
     )
     if not names and not any(one.status for one in outcomes):
         names = names_of(one for one in outcomes if any(each.improved for each in one.findings))
+    names = names & there.keys() if broken else names
     if not names:
         return []
     some = [] if names >= there.keys() else patterns_of(names, {*there, *old})
