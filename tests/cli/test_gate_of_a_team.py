@@ -971,6 +971,30 @@ def test_wrong_targets_and_what_is_gone(
     assert said in answer.err
 
 
+def test_the_configuration_of_the_branch_hides_no_wrong_target(gate: Invoke) -> None:
+    write("tgospa-eval.toml", 'fail-on = "total:+900%"\n')
+    answer = gate("--against", "main", "--junit", "g.xml")
+    assert answer.status == 2
+    assert '--against "main": this folder is in no git repository' in answer.err
+    assert "fail-on" not in answer.err
+    assert Path("g.xml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--seed-label", "sed"), "--seed-label sed: no pattern of a pair has {sed}"),
+        (("--seed-label", "scene"), '"{scene}" has {scene}, in which its runs differ'),
+        (("--steps", "0..3"), '--steps "0..3": must be FIRST:LAST'),
+    ],
+)
+def test_a_wrong_option_is_said_once(gate: Invoke, arguments: tuple[str, ...], said: str) -> None:
+    answer = gate(*arguments)
+    assert answer.status == 2
+    assert answer.err.count(said) == 1
+    assert len(answer.err.splitlines()) == 1
+
+
 def test_targets_are_for_files(against: Invoke, gate: Invoke, invoke: Invoke) -> None:
     labels = ("--truth", "data/{scene}/{seed}/truth.csv", "--estimate", "out/{scene}/{seed}.csv")
     assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "store", "-q").status == 0

@@ -51,13 +51,16 @@ class Gate(Verb):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the arguments, then parse them."""
         ctx.meta[TYPED] = tuple(args)
-        with suppress(click.UsageError, ConfigError):  # the same errors are raised again
+        where = None
+        with suppress(click.UsageError):  # the same error is raised again
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
-            if where:
-                from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have one
+        if where:
+            from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have one
 
-                ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
+            ctx.meta[TARGET], ctx.meta[IGNORED] = None, []
+            with suppress(ConfigError):  # the same error is raised again
+                ctx.meta[TARGET] = Target(where)
         return super().parse_args(ctx, args)
 
 

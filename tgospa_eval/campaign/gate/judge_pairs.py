@@ -33,7 +33,7 @@ from tgospa_eval.campaign.gate.outcome import (
     without_option,
 )
 from tgospa_eval.campaign.gate.rules import Rule, Verdict, parse_rules
-from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED, GroupTable, make_group
+from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED, GroupTable, check_labels, make_group
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.campaign.store import is_store
@@ -63,7 +63,11 @@ def tables_of(
     ConfigError
         An option needs groups, or a group is wrong.
     """
+    labels = {label for pair in pairs for label in pair.labels}
     if gate.group is None:
+        for one in groups if gate.seed_label else ():
+            where = option("seed_label", gate.seed_label)
+            check_labels(one.name, str(gate.seed_label), labels, where)
         for name, value in (("confidence", gate.confidence), ("seed_label", gate.seed_label)):
             if value is not None and not groups:
                 raise ConfigError(
@@ -80,7 +84,6 @@ def tables_of(
     names = [name.strip() for name in gate.group.split(",")]
     pattern = "all" if names == ["all"] else "/".join(f"{{{name}}}" for name in names)
     texts = [getattr(gate, name) for name in RULE_PARAMETERS.values()]
-    labels = {label for pair in pairs for label in pair.labels}
     seed, confidence = gate.seed_label or SEED, gate.confidence or GroupTable.confidence
     return [make_group(pattern, texts, confidence, seed, labels, option("group", gate.group))]
 
@@ -273,6 +276,7 @@ def _judge_all(
     results: dict[str, Measured] = {}
     outcomes: dict[str, PairOutcome] = {}
     chosen: list[Job] = []
+    wrong: list[ConfigError] = []
     tables = {
         pair.name: [table for table in groups if table.has(pair.labels) and not pair.is_new]
         for pair in pairs
@@ -287,6 +291,7 @@ def _judge_all(
     for pair, (row, _) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
         if isinstance(now, TgospaError):
+            wrong += [now] if isinstance(now, ConfigError) else []
             about = {"status": now.exit_status, **about}
             outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
         else:
@@ -305,6 +310,8 @@ def _judge_all(
                 results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
+    if len(wrong) == len(pairs) > 1 and len({*map(str, wrong)}) == 1:
+        raise wrong[0]  # the same for all pairs: a wrong option
     in_order = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in in_order if one.verdict is Verdict.ERROR]
