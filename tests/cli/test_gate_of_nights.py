@@ -141,6 +141,24 @@ def test_a_new_run_is_dead_or_only_warned_about(gate: Invoke) -> None:
     assert groups(answer)["a"]["notes"][0].startswith("a/7: the tracker failed")
 
 
+def test_copies_of_a_run_infer_nothing(gate: Invoke) -> None:
+    def copied(factor: float) -> None:
+        runs(0, scenes="a", seeds=[1], spread=0, factor=factor)
+        for path in ("data/a/{}/truth.csv", "out/a/{}.csv"):
+            for seed in range(2, 7):
+                shutil.copy(path.format(1), path.format(seed))
+
+    copied(1)
+    assert gate("--update-baseline").status == 0
+    copied(1.1)
+    found = groups(gate("--format", "json"))
+    ((warning,), (rule,)) = (found["a"][name] for name in ("warnings", "rules"))
+    assert (warning["code"], "6 runs are copies" in warning["text"]) == ("copies", True)
+    assert (rule["verdict"], "inference" in rule) == ("fail", False)
+    (rule,) = found["all of {scene}"]["rules"]
+    assert rule["inference"]["runs"] == 13
+
+
 def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
     for folder in ("data/a", "out/a"):
         shutil.rmtree(folder)

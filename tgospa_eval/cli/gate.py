@@ -179,8 +179,8 @@ def _run(
     report = replace(report, settings_file=gate.config)
     several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
     for outcome in report.outcomes:
-        if outcome.verdict is Verdict.ERROR:
-            print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
+        for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
+            print_notice((f"{outcome.name}: " if several else "") + note)
     # Files are written first: a full disk behind stdout must not lose the report or the verdict.
     status = worst((report.status, _publish(gate, report)))
     try:

@@ -22,8 +22,10 @@ equally, because jumps also find large changes of a single group.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -102,6 +104,29 @@ class SceneRuns:
     paired: bool
     added: Mapping[str, Measured]
 
+    @property
+    def data(self) -> tuple[list[object], list[object]]:
+        """Digests of truth and estimate of each new run, and of each run of the baseline."""
+        now = [(one.evaluated_on["truth_sha256"], one.estimate) for one in self.now]
+        old = [(e["judged"]["truth_sha256"], e.get("estimate_sha256")) for e in self.old]
+        first, second = (
+            list[object]((truth, own or k) for k, (truth, own) in enumerate(side))
+            for side in (now, old)
+        )
+        return first, second
+
+    @cached_property
+    def tested(self) -> tuple[list[int], list[int]]:
+        """Places of the new runs and of the runs of the baseline, without copies, for a test."""
+        sides = self.data
+        if self.paired:
+            both: list[object] = [*zip(*sides, strict=True)]
+            sides = both, both
+        first, second = (
+            [k for k, data in enumerate(side) if side.index(data) == k] for side in sides
+        )
+        return first, second
+
     def missed(self) -> Rises:
         """Return the rises of the missed shares of the new runs above the baseline."""
         nights = [
@@ -170,6 +195,24 @@ class Group:
         """Number of new runs."""
         return sum(len(scene.now) for scene in self.scenes)
 
+    @property
+    def tested(self) -> int:
+        """Number of new runs without copies."""
+        return sum(len(scene.tested[0]) for scene in self.scenes)
+
+    def warnings(self) -> Iterator[Notice]:
+        """Yield warnings about runs that are left out, and about copies."""
+        added = [name for scene in self.scenes for name in scene.added]
+        if added:
+            which = "this run" if len(added) == 1 else "these runs"
+            text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs"
+            yield Notice(code="not-in-baseline", text=f"{text} judges {which}")
+        runs = Counter(data for scene in self.scenes for data in scene.data[0])
+        copies = sum(count for count in runs.values() if count > 1)
+        if copies:
+            text = f"{copies} runs are copies of one another, with the same truth and estimate"
+            yield Notice(code="copies", text=text, remedy="check the seeds of the runs")
+
 
 def judge_groups(
     tables: Iterable[GroupTable],
@@ -225,7 +268,7 @@ def judge_groups(
         holm(
             np.array(
                 [
-                    p_value(strata(one)) if one.group.runs >= FEWEST_RUNS else 1.0
+                    p_value(strata(one)) if one.group.tested >= FEWEST_RUNS else 1.0
                     for one, _ in tested
                 ]
             ),
@@ -266,24 +309,21 @@ def judge_groups(
             outcomes.append(
                 _warned(
                     combined_outcome(group.name, findings, table.rules, group.faults, dead),
-                    [name for scene in group.scenes for name in scene.added if k < len(among)],
+                    [*group.warnings()] if k < len(among) else [],
                     strict=strict,
                 )
             )
     return outcomes
 
 
-def _warned(one: PairOutcome, added: Sequence[str], *, strict: bool) -> PairOutcome:
-    """Return the outcome with a warning about runs that it leaves out; with `strict` they fail."""
-    if not added or one.verdict is rules.Verdict.INCOMPARABLE:
+def _warned(one: PairOutcome, warnings: Sequence[Notice], *, strict: bool) -> PairOutcome:
+    """Return the outcome with warnings; with `strict` it does not pass if it leaves out runs."""
+    if one.verdict is rules.Verdict.INCOMPARABLE:
         return one
-    text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs judges"
-    which = "this run" if len(added) == 1 else "these runs"
-    warning = Notice(code="not-in-baseline", text=f"{text} {which}")
-    if strict and not one.status:
+    if strict and not one.status and any(each.code == "not-in-baseline" for each in warnings):
         verdict = rules.Verdict.INCOMPARABLE
         one = replace(one, verdict=verdict, status=rules.STATUS[verdict])
-    return replace(one, warnings=(warning,))
+    return replace(one, warnings=tuple(warnings))
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
@@ -525,7 +565,7 @@ class Summed:
     def is_tested(self) -> bool:
         """True if the value is tested: a scene has several seeds, and the rule limits a change."""
         rule = self.finding.rule
-        return self.group.runs > len(self.group.scenes) and not (
+        return self.group.tested > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
@@ -548,7 +588,7 @@ class Summed:
 
     def strata(self) -> list[Stratum]:
         """Return the strata for the test that the values are above their limits."""
-        return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
+        return weighted([_strata(now, old, scene) for scene, (now, old) in self.sides()])
 
     def inferred(
         self,
@@ -565,7 +605,7 @@ class Summed:
         of the tests that the tracker is worse and better, adjusted for all tests. `jump` is the
         sentence about a jump, or blank. `judge_groups` describes `strict`.
         """
-        runs, level = self.group.runs, 1 - (1 - confidence) * share
+        runs, level = self.group.tested, 1 - (1 - confidence) * share
         worse, better = p_values
         paired = all(scene.paired for scene in self.group.scenes)
         nights = min(len(nights_of(entry)) for scene in self.group.scenes for entry in scene.old)
@@ -598,12 +638,14 @@ class Summed:
         for scene in self.group.scenes:
             now = np.array([-_now(one, self.part).upper for one in scene.now])
             old = [_old(entry, self.part, low=True) * -share for entry in scene.old]
-            scenes.append(_strata(now, old, scene.paired))
+            scenes.append(_strata(now, old, scene))
         return weighted(scenes)
 
 
-def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
+def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratum]:
     """Return the strata of a scene: one for each run if paired runs have nights, else only one."""
+    first, second = scene.tested
+    now, old, paired = now[first], [old[k] for k in second], scene.paired
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)

@@ -293,7 +293,7 @@ def _judge_all(
         if isinstance(now, TgospaError):
             wrong += [now] if isinstance(now, ConfigError) else []
             about = {"status": now.exit_status, **about}
-            outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
+            outcome = PairOutcome.of(pair, Verdict.ERROR, *map(str, now.args), **about)
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             entry, own = old.get(pair.name), rules[pair.name]
