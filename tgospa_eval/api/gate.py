@@ -607,7 +607,7 @@ def gate(
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group with new runs fails, or one above its limit although seeds may be the reason.
+        Whether a group fails that has new runs, or whose seeds may be why it is above its limit.
 
     An option that is omitted comes from the baseline or the suite, else from the defaults of
     `evaluate`. Options of a suite must be texts or numbers; records, matrices and tables are
