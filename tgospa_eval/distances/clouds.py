@@ -1,9 +1,9 @@
 """Wasserstein distances of particle clouds as base distances: their settings and their near pairs.
 
-W_q is the Wasserstein distance of order q (`distances.transport`). Clouds are scaled and whitened
-once; after that, the distance of two particles is Euclidean. Two lower bounds of W_q are cheap. One
-is the distance of the means m_a and m_b of the clouds: ``|m_a - m_b| <= W_q`` for every q. For the
-order 2 the Gelbrich bound is larger,
+W_q is the Wasserstein distance of order q (`distances.transport`). Clouds are scaled once, and
+whitened if there is a covariance; after that, the distance of two particles is Euclidean. Two lower
+bounds of W_q are cheap. One is the distance of the means m_a and m_b of the clouds, for every q:
+``|m_a - m_b| <= W_q``. For the order 2 the Gelbrich bound is larger,
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
@@ -216,9 +216,9 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return a lower bound of each pair's squared distance minus the squared distance of its means.
+    """Return how much the squared distance of each pair exceeds that of its means, or less.
 
-    It follows from the covariances of the clouds in the rows `i` and `j`.
+    This lower bound follows from the covariances of the clouds in the rows `i` and `j`.
     """
     (trace_a, factor_a), (trace_b, factor_b) = spreads
     length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
@@ -278,7 +278,7 @@ def slopes_of_particles(
 
     For true particles x_i, estimated particles y_j, the distance W and the optimal plan pi,
 
-        dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)
+        ``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)``
 
     by the envelope theorem, because W^q is a minimum over plans. If several plans are optimal, the
     result is the derivative for one of them. It is 0 where the distance is 0.

@@ -83,7 +83,7 @@ class GaussianWasserstein(Distance):
         return Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Return means and scaled lower factors; here each covariance is factored, once."""
+        """Return means and scaled lower factors; each covariance is factored here, only once."""
         means = side.state[rows].T
         d, count = means.shape
         components = np.zeros((d * (d + 3) // 2, count))

@@ -282,7 +282,7 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
     """Return standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
     deviation: Floats = np.sqrt(np.diag(matrix))
     try:
-        with np.errstate(over="ignore"):  # a matrix with infinity has no factor: see below
+        with np.errstate(over="ignore"):  # infinity is refused below: it has no factor
             factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
     except np.linalg.LinAlgError:
         factor = np.zeros_like(matrix)

@@ -407,7 +407,7 @@ def _prepared_pairs(
 def _search(
     a: SearchedSide, b: SearchedSide, cutoff: float, distance: Distance
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Embed the states, and yield candidates, from a search on the axes with finite reaches."""
+    """Embed the states, search on the axes with finite reaches, and yield the candidates."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
     finite = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)

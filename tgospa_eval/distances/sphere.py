@@ -69,8 +69,7 @@ class Haversine(Distance):
 
         where 1 - h is the value of h for the antipode of b. With the radius R of the Earth, the
         distance is ``2 R atan2(sqrt(h), sqrt(1 - h))``. h and 1 - h are sums of squares without
-        cancellation, so that neither tiny
-        distances nor distances of antipodes lose digits.
+        cancellation, so that neither tiny distances nor distances of antipodes lose digits.
         """
         (lat_a, lat_b), (lon_a, lon_b) = components
         turn = np.abs(np.fmod(np.fmod(lon_a, 360.0) - np.fmod(lon_b, 360.0), 360.0))

@@ -477,7 +477,7 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
-    """Return W_q of two clouds; it is faster if particles are distinct, sorted and weighted > 0."""
+    """Return W_q of two clouds. Distinct, sorted particles with weights > 0 make it faster."""
     if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
