@@ -223,6 +223,18 @@ def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> No
     answer = invoke("verify", "r")
     assert answer.status == 1
     assert "r: there is no proof of the class 'bus'" in answer.err
+    car = Path("r/proof/car/proof.json")
+    document = json.loads(car.read_text())
+    for changes in ({"classes": ["car"]}, {"classes": []}, {"class": "tram"}):
+        car.write_text(json.dumps(document | changes))
+        answer = invoke("verify", "r/proof/car", "t.csv", "e.csv")
+        assert answer.status == 1
+        assert "classes: are" in answer.err or changes.get("class")  # its tables differ
+    assert invoke("t.csv", "e.csv", "-o", "s", "--proof", "-q").status == 0
+    whole = Path("s/proof/proof.json")
+    whole.write_text(json.dumps(json.loads(whole.read_text()) | {"classes": ["bus", "car"]}))
+    answer = invoke("verify", "s", "t.csv", "e.csv")
+    assert (answer.status, "must be of []" in answer.err) == (1, True)
 
 
 def test_scenes_in_which_nothing_of_a_side_is_judged(invoke: Invoke, write: Write) -> None:

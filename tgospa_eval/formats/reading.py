@@ -4,7 +4,7 @@ Regions in which estimates are not evaluated are shapes in the plane, in an imag
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.quoting import listed, option, quoted
@@ -206,6 +206,11 @@ class Reading:
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
         return whole.chosen(rows)
+
+
+def classes_in(sides: Iterable[Reading]) -> list[str]:
+    """Return the classes of all sides, in natural order; a blank name if there are none."""
+    return sorted({name for side in sides for name in side.classes}, key=natural) or [""]
 
 
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
