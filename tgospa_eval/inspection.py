@@ -92,7 +92,9 @@ def describe(path: str, reading: Reading) -> Json:
         "trajectories": len(side.ids),
         "steps": len(side.times),
         "columns": list(side.columns),
-        "headers": dict(reading.headers),
+        "headers": {
+            name: header for name, header in reading.headers.items() if header.casefold() != name
+        },
         "time": _clock(side),
         "length": spread(count),
         "holes": {

@@ -475,4 +475,4 @@ def align_sides(
     if not resolved.allow_empty:
         kept = sum(len(side.step) for side in fitted.axis.sides)
         check_left(request.time_matching, kept, fitted.axis.left_out)
-    return fitted, request
+    return replace(fitted, headers=sides[1].headers), request

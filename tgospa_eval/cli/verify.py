@@ -170,7 +170,7 @@ def _check_tables(
     digests = {side: record["sha256"] for side, record in inputs.items()}
     recorded = {side: record["sha256"] for side, record in proof.get("inputs", {}).items()}
     stated = proof.get("classes", [])
-    if stated != classes or proof.get("class") not in (classes or [None]):
+    if stated != classes or (proof.get("class") not in classes if classes else "class" in proof):
         raise verify_tgospa.Wrong(
             f"class, classes: are {proof.get('class')!r} of {stated!r}, must be of {classes!r} by "
             f"{files[0]} and {files[1]}"

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +66,8 @@ class AlignedPair:
         Base distance, fitted to the data.
     axis : Axis
         Both sides at their steps, and how they were brought there.
+    headers : mapping of str to str
+        Header of each column of the estimate, if it is a table.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -73,6 +75,7 @@ class AlignedPair:
     alignment: Alignment
     distance: Distance
     axis: Axis
+    headers: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -147,7 +147,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
         missing=roles.missing,
-        headers=roles.renamed,
+        headers=roles.named,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),

@@ -299,7 +299,7 @@ def with_heights(
     local: bool,
     distance: str,
 ) -> list[Reading | None]:
-    """Add heights to the states if both sides have heights; add a notice if only one side has.
+    """Add heights to the states if both sides have heights; add a warning if only one side has.
 
     Parameters
     ----------
@@ -332,20 +332,20 @@ def with_heights(
                 raise ConfigError(
                     f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
                     "name all states, or leave them out by "
-                    f"{option(own.option or 'columns', ','.join(PLACES))}"
+                    f"{option(own.option or 'columns', ','.join(one.trajectories.columns))}"
                 )
             high = read_by(replace(own, heights="use"))
+            columns = one.trajectories.columns
             if high.taken < one.taken:
-                text = f"heights are left out: {name} has {counted(one.taken - high.taken, 'row')} "
-                text += f"without heights ({one.height})"
-                flat = there[0], replace(there[1], notices=(*there[1].notices, text))
-                return list(flat)
-            one = high
-            text = heights_notice(there[k].height, own)
-            answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
+                without = f"{name} has {counted(one.taken - high.taken, 'row')} without heights"
+                warning = left_out_heights(one.height, own, columns, without)
+                return [there[0], replace(there[1], warnings=(*there[1].warnings, warning))]
+            text = heights_notice(one.height, own, columns)
+            answer[k] = replace(high, notices=(*high.notices, *([text] if all(have) else ())))
         elif one.height:
-            text = left_out_heights(one.height, names[1 - k])
-            answer[k] = replace(one, notices=(*one.notices, text))
+            without = f"{names[1 - k]} has none"
+            warning = left_out_heights(one.height, own, one.trajectories.columns, without)
+            answer[k] = replace(one, warnings=(*one.warnings, warning))
     return answer
 
 
@@ -386,17 +386,24 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         )
 
 
-def heights_notice(header: str, options: ReadOptions) -> str:
-    """Return the notice that heights are compared."""
+def heights_notice(header: str, options: ReadOptions, columns: tuple[str, ...]) -> str:
+    """Return the notice that heights are compared beside these columns."""
     return (
         f"heights are compared ({header}); "
-        f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
+        f"{option(options.option or 'columns', ','.join(columns))} leaves them out"
     )
 
 
-def left_out_heights(header: str, other: str) -> str:
-    """Return the notice that heights of one side are left out, as the other side has none."""
-    return f"heights ({header}) are left out: {other} has none"
+def left_out_heights(
+    header: str, options: ReadOptions, columns: tuple[str, ...], reason: str
+) -> Notice:
+    """Return the warning that heights are left out, and only these columns are compared."""
+    return Notice(
+        code="heights-left-out",
+        text=f"heights ({header}) are left out: {reason}",
+        remedy=f"if heights do not count, {option(options.option or 'columns', ','.join(columns))} "
+        "leaves them out without a warning",
+    )
 
 
 def check_classes(

@@ -161,13 +161,8 @@ class Roles:
         )
 
     @property
-    def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states that have another name; empty for fixed headers."""
-        headers = self._headers()
-        return {name: header for name, header in headers.items() if header.casefold() != name}
-
-    def _headers(self) -> dict[str, str]:
-        """Return the headers of ids, times and states with one column, by name."""
+    def named(self) -> dict[str, str]:
+        """Headers of ids, times and states with one column, by name; empty for fixed headers."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -181,7 +176,7 @@ class Roles:
         `clouds` says whether rows are particles. Particles use weights but not covariances, and
         other rows use covariances but not weights.
         """
-        for name, header in self._headers().items():
+        for name, header in self.named.items():
             if name in self.missing:
                 yield (
                     f"{name} is read from column {quoted(header)}: there is no header as named by "
