@@ -170,7 +170,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
     """Return a comparison of both files: steps, time, clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
-    clock = find_clock(sides.given, parameters, distance, request.recorded)
+    clock = find_clock(sides.given, parameters, distance, request)
     truth, estimate = sides.read
     return {
         "steps": {
@@ -183,7 +183,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
         "time": _overlap(aligned),
         "clock": None
         if clock is None
-        else {name: value for name, value in asdict(clock).items() if name != "ahead"},
+        else {k: value for k, value in asdict(clock).items() if k not in ("ahead", "cures")},
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)

@@ -68,6 +68,9 @@ class AlignedPair:
         Both sides at their steps, and how they were brought there.
     headers : mapping of str to str
         Header of each column of the estimate, if it is a table.
+    same_header : str
+        Option by which the times of both are read from columns of one name; blank if they are, or
+        if there are no such columns.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -76,6 +79,7 @@ class AlignedPair:
     distance: Distance
     axis: Axis
     headers: Mapping[str, str] = field(default_factory=dict)
+    same_header: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

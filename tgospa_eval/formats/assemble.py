@@ -148,6 +148,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         named=() if rows.classes is None else tuple(rows.classes[0]),
         missing=roles.missing,
         headers=roles.named,
+        unused=roles.unused,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),

@@ -144,7 +144,9 @@ class Reading:
         Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
         files lack the column.
     headers : dict of str to str
-        Headers of columns that have other names in the file.
+        Headers of ids, times and states with one column, by name; empty without own headers.
+    unused : tuple of str
+        Headers of columns that are not used.
     centres : bool
         Whether the states are centres of boxes.
     pixels : bool
@@ -171,6 +173,7 @@ class Reading:
     named: tuple[str, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
     centres: bool = False
     pixels: bool = False
     idle: tuple[str, ...] = ()
