@@ -212,6 +212,20 @@ def test_large_coordinates_are_told(invoke: Invoke, write: Write) -> None:
     assert "are 1.2e-07 apart: digit 8 of the total" in warning["text"]
 
 
+@pytest.mark.parametrize(
+    ("numbers", "apart"),
+    [(("1e16", "10000000000000003"), "2"), (("9007199254740992", "9007199254740993"), "2")],
+)
+def test_integers_that_no_double_holds_are_told(
+    invoke: Invoke, write: Write, numbers: tuple[str, str], apart: str
+) -> None:
+    for name, number in zip(("t.csv", "e.csv"), numbers, strict=True):
+        write(name, f"id,t,x\na,0,{number}\na,1,{number}\n")
+    told = invoke("t.csv", "e.csv", "-c", "10", "-g", "1").err
+    assert f"are {apart} apart: finer digits of coordinates are lost" in told
+    assert "exactly the states" not in told
+
+
 def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> None:
     rows = "".join(f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3))
     for name in ("t.csv", "e.csv"):

@@ -252,7 +252,7 @@ def test_an_offset_beside_a_bias(count: int, invoke: Run, write: Write) -> None:
 
 
 def remedied(invoke: Run, files: tuple[str, str], *metric: str) -> tuple[str, float, float]:
-    """Return the options that the warning names, and the number of missed states without and with them."""
+    """Return the options that the warning names, and the missed states without and with them."""
     done = invoke(*files, *metric)
     named = re.search(r"or use (--[^.]*(?:\.\d+[^.]*)*)\. Do not", done.err)
     assert named is not None, done.err
