@@ -385,6 +385,8 @@ class Result(Showable, PairEvaluation):
     def gradient(self) -> "Gradient":
         """Return the derivative of the cost by estimated states, cutoff and switch penalty.
 
+        States are those that are evaluated, after scales, conversions and interpolation.
+
         The reported assignment is fixed (envelope theorem). If the optimal assignment is unique,
         this is the derivative of the metric. Otherwise it is one of several directional
         derivatives. `Gradient.unique` is true if the assignment is proven to be unique.
