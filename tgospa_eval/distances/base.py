@@ -398,14 +398,14 @@ def _utm_zone(earth: Trajectories, local: Trajectories) -> str:
     if not (len(earth.state) and len(local.state)) or local.columns[:2] != ("x", "y"):
         return ""
     lat, lon = np.median(earth.state[:, [earth.columns.index(name) for name in PLACES]], axis=0)
-    found = {}
+    gaps = {}
     for zone in range(int(lon // 6) + 29, int(lon // 6) + 32):
         code = f"EPSG:{(32700 if lat < 0 else 32600) + zone % 60 + 1}"
         with suppress(ConfigError):  # the extra is not installed
             place = from_crs(code, "").transform(*np.median(local.state[:, :2], axis=0))
-            found[code] = max(abs(place[0] - lon), abs(place[1] - lat))
-    code = min(found, key=found.__getitem__, default="")
-    return code if code and found[code] < NEAR_PLACES else ""
+            gaps[code] = max(abs(place[0] - lon), abs(place[1] - lat))
+    code = min(gaps, key=gaps.__getitem__, default="")
+    return code if code and gaps[code] < NEAR_PLACES else ""
 
 
 def check_states(

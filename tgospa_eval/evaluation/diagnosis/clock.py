@@ -728,15 +728,15 @@ def _near_misses(
     clock = aligned.truth.clock
     unit = SECOND if clock != "number" else 1
     _, _, distance = nearest(*times)
-    apart = (distance > 0) & ~within(distance, matching.near, times, clock)
-    close = distance[apart & within(distance, NEARLY * min(steps) / unit, times, clock)]
+    missed = (distance > 0) & ~within(distance, matching.near, times, clock)
+    close = distance[missed & within(distance, NEARLY * min(steps) / unit, times, clock)]
     if not len(close):
         return None
     wide = float(close.max())
     if close.dtype.kind == "f":  # `within` allows for the rounding of timestamps
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
     named = _rounded_up(wide / unit)
-    close = distance[apart & within(distance, float(named), times, clock)]
+    close = distance[missed & within(distance, float(named), times, clock)]
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
     left = unshared - 2 * len(close)
@@ -782,7 +782,7 @@ class ClockError:
     time_scale, time_offset : float
         Factor of the timestamps, and offset that is added after the multiplication. The offset is
         in the unit of the timestamps, or in seconds for ISO times.
-    cures : tuple of (str, str)
+    cures : tuple of (str, object)
         Options with which timestamps become equal, or with which the truth is interpolated.
     ahead : float
         Time by which the estimate is ahead, if only the offset is wrong; else 0.
@@ -797,7 +797,7 @@ class ClockError:
 
     time_scale: float
     time_offset: float
-    cures: tuple[tuple[str, str], ...]
+    cures: tuple[tuple[str, object], ...]
     ahead: float
     uncertainty: float
     saving: float
@@ -914,7 +914,7 @@ def _clock(
     time_scale, time_offset = float(f"{float(scaled * factor):.12g}"), float(f"{float(exact):.12g}")
     if abs(time_offset - exact) * unit > NEARLY * NEARLY * step:
         time_offset = float(exact)
-    cures = [("time_scale", plain(time_scale))] * (time_scale != 1)
+    cures: list[tuple[str, object]] = [("time_scale", plain(time_scale))] * (time_scale != 1)
     cures += [("time_offset", plain(time_offset))] * bool(time_offset)
     if equal is not None and not moves:
         tolerance = equal[1] + unit * abs(float(time_offset - exact))
