@@ -71,6 +71,8 @@ class AlignedPair:
     same_header : str
         Option by which the times of both are read from columns of one name; blank if they are, or
         if there are no such columns.
+    in_parts : bool
+        Whether these are a part of the data, which are read in parts and never interpolated.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -80,6 +82,7 @@ class AlignedPair:
     axis: Axis
     headers: Mapping[str, str] = field(default_factory=dict)
     same_header: str = ""
+    in_parts: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -478,7 +478,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
         sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # faults of clocks show only in original timestamps
         sides = fit(truth, estimate, request, names)
-    warnings = diagnose(replace(sides, headers=readings[1].headers), request)
+    warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
     shown = grid.truth.shown
     return notices + [
         notice.about(f"from step {shown[first]} to {shown[last]}") for notice in warnings

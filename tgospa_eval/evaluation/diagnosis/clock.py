@@ -661,6 +661,8 @@ def clock_warnings(
     if sample is not None and not _looks_sound(sample):
         clock = find_clock(sides.given, sample.parameters, sample.distance, request)
     if clock is not None and clock.saving >= WORTH:
+        if sides.in_parts and ("interpolate", "truth") in clock.cures:
+            clock = replace(clock, cures=())
         warnings.append(_clock_warning(clock, sides.given[0].clock))
     elif unit := _unit_of_time(sides.given):
         return [unit]
