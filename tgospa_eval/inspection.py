@@ -98,7 +98,9 @@ def describe(path: str, reading: Reading) -> Json:
         "trajectories": len(side.ids),
         "steps": len(side.times),
         "columns": list(side.columns),
-        "headers": dict(reading.headers),
+        "headers": {
+            name: header for name, header in reading.headers.items() if header.casefold() != name
+        },
         "time": _clock(side),
         "length": spread(count),
         "holes": {
@@ -174,7 +176,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
     """Return a comparison of both files: steps, time, clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
-    clock = find_clock(sides.given, parameters, distance, request.recorded)
+    clock = find_clock(sides.given, parameters, distance, request)
     truth, estimate = sides.read
     return {
         "steps": {
@@ -187,7 +189,7 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
         "time": _overlap(aligned),
         "clock": None
         if clock is None
-        else {name: value for name, value in asdict(clock).items() if name != "ahead"},
+        else {k: value for k, value in asdict(clock).items() if k not in ("ahead", "cures")},
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)

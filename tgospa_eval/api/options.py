@@ -270,8 +270,8 @@ class Request(Values):
     )
     unit_scale: float = _files(
         "--unit-scale FACTOR",
-        "Factor of the state columns of ESTIMATE, except --periodic ones, with covariances and "
-        "particles: 1000 converts kilometres to metres.",
+        "Factor of the state columns of ESTIMATE, except angles (--periodic, bearing, elevation), "
+        "with covariances and particles: 1000 converts kilometres to metres.",
         default=1.0,
     )
     truth_crs: str | None = _files(

@@ -492,4 +492,9 @@ def align_sides(
     if not resolved.allow_empty:
         kept = sum(len(side.step) for side in fitted.axis.sides)
         check_left(request.time_matching, kept, fitted.axis.left_out)
-    return fitted, request
+    same = [
+        option(f"{role}_columns", f"t={other.headers['t']}")
+        for role, side, other in zip(ROLES, sides, sides[::-1], strict=True)
+        if other.headers.get("t") in side.unused
+    ]
+    return replace(fitted, headers=sides[1].headers, same_header=next(iter(same), "")), request

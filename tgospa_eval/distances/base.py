@@ -7,6 +7,7 @@ Truth and estimate are the two sides. `check_columns` checks that both sides hav
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence, Sized
+from contextlib import suppress
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.earth import from_crs
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
@@ -24,6 +26,9 @@ from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 if TYPE_CHECKING:
     from fractions import Fraction
 
+
+NEAR_PLACES = 1.0
+"""Largest difference, in degrees, of the medians of two sides that are of one scene."""
 
 Fault = tuple[Mask, str, str]
 """A column with wrong values: mask of the wrong states, name of the column, and what is wrong with
@@ -373,8 +378,13 @@ def check_columns(
             remedy = f"to compare only some, use {option('columns', ','.join(common) or 'x,y')}"
             if {*PLACES} <= {*truth.columns} ^ {*estimate.columns}:
                 local = "truth" if "lat" in estimate.columns else "estimate"
+                sides = (estimate, truth) if local == "truth" else (truth, estimate)
+                zone = _utm_zone(*sides)
                 remedy = (
-                    f"{option(f'{local}_crs')} enu (or ned) and "
+                    f"x and y of the {local} seem to be UTM coordinates: "
+                    f"{option(f'{local}_crs', zone)} and {option('distance', 'geodesic')}"
+                    if zone
+                    else f"{option(f'{local}_crs')} enu (or ned) and "
                     f"{option('origin', metavar='LAT,LON')} combine local axes and positions on "
                     "the Earth"
                 )
@@ -385,6 +395,24 @@ def check_columns(
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"
         raise InputError(f"state columns are in different orders: {orders}; use one order")
+
+
+def _utm_zone(earth: Trajectories, local: Trajectories) -> str:
+    """Return the UTM zone in which x and y of a side are near the places of the other, or a blank.
+
+    States of both sides are compared by their medians, in the zone of the places and beside it.
+    """
+    if not (len(earth.state) and len(local.state)) or local.columns[:2] != ("x", "y"):
+        return ""
+    lat, lon = np.median(earth.state[:, [earth.columns.index(name) for name in PLACES]], axis=0)
+    gaps = {}
+    for zone in range(int(lon // 6) + 29, int(lon // 6) + 32):
+        code = f"EPSG:{(32700 if lat < 0 else 32600) + zone % 60 + 1}"
+        with suppress(ConfigError):  # the extra is not installed
+            place = from_crs(code, "").transform(*np.median(local.state[:, :2], axis=0))
+            gaps[code] = max(abs(place[0] - lon), abs(place[1] - lat))
+    code = min(gaps, key=gaps.__getitem__, default="")
+    return code if code and gaps[code] < NEAR_PLACES else ""
 
 
 def check_states(

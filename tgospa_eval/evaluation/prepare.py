@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +66,13 @@ class AlignedPair:
         Base distance, fitted to the data.
     axis : Axis
         Both sides at their steps, with the numbers of states that were interpolated or left out.
+    headers : mapping of str to str
+        Header of each column of the estimate, if it is a table.
+    same_header : str
+        Option with which the times of truth and estimate are read from columns of the same name.
+        Blank if this is so already, or if there are no such columns.
+    in_parts : bool
+        Whether the data are read in parts, and this is one of them. Parts are not interpolated.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -73,6 +80,9 @@ class AlignedPair:
     alignment: Alignment
     distance: Distance
     axis: Axis
+    headers: Mapping[str, str] = field(default_factory=dict)
+    same_header: str = ""
+    in_parts: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

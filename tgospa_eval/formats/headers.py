@@ -219,7 +219,7 @@ HEADER_ALIASES = {
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
         "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
-        "gps_altitude elevation elev height hgt baro_altitude",
+        "gps_altitude elevation elev height hgt baro_altitude z",
         "elevation": "elevation elev",
         "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
         "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",

@@ -5,7 +5,7 @@ plane, in an image or on the Earth.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.quoting import listed, option, quoted
@@ -146,7 +146,10 @@ class Reading:
         Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
         files lack the column.
     headers : dict of str to str
-        Headers of ids, times and states, by name, where the header is not equal to the name.
+        Header of the ids, of the times, and of each state that is a single column, by name. Empty
+        for a file without headers.
+    unused : tuple of str
+        Headers of columns that are not used.
     centres : bool
         Whether the states are centres of boxes.
     pixels : bool
@@ -173,6 +176,7 @@ class Reading:
     named: tuple[str, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
     centres: bool = False
     pixels: bool = False
     idle: tuple[str, ...] = ()
@@ -208,6 +212,11 @@ class Reading:
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
         return whole.chosen(rows)
+
+
+def classes_in(sides: Iterable[Reading]) -> list[str]:
+    """Return the classes of all sides, in natural order; a blank name if there are none."""
+    return sorted({name for side in sides for name in side.classes}, key=natural) or [""]
 
 
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
@@ -299,7 +308,7 @@ def with_heights(
     local: bool,
     distance: str,
 ) -> list[Reading | None]:
-    """Add heights to the states if both sides have heights; add a notice if only one side has.
+    """Add heights to the states if both sides have heights; add a warning if only one side has.
 
     Parameters
     ----------
@@ -333,20 +342,20 @@ def with_heights(
                 raise ConfigError(
                     f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
                     "name all states, or leave them out by "
-                    f"{option(own.option or 'columns', ','.join(PLACES))}"
+                    f"{option(own.option or 'columns', ','.join(one.trajectories.columns))}"
                 )
             high = read_by(replace(own, heights="use"))
+            columns = one.trajectories.columns
             if high.taken < one.taken:
-                text = f"heights are left out: {name} has {counted(one.taken - high.taken, 'row')} "
-                text += f"without heights ({one.height})"
-                flat = there[0], replace(there[1], notices=(*there[1].notices, text))
-                return list(flat)
-            one = high
-            text = heights_notice(there[k].height, own)
-            answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
+                without = f"{name} has {counted(one.taken - high.taken, 'row')} without heights"
+                warning = left_out_heights(one.height, own, columns, without)
+                return [there[0], replace(there[1], warnings=(*there[1].warnings, warning))]
+            text = heights_notice(one.height, own, columns)
+            answer[k] = replace(high, notices=(*high.notices, *([text] if all(have) else ())))
         elif one.height:
-            text = left_out_heights(one.height, names[1 - k])
-            answer[k] = replace(one, notices=(*one.notices, text))
+            without = f"{names[1 - k]} has none"
+            warning = left_out_heights(one.height, own, one.trajectories.columns, without)
+            answer[k] = replace(one, warnings=(*one.warnings, warning))
     return answer
 
 
@@ -388,17 +397,24 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         )
 
 
-def heights_notice(header: str, options: ReadOptions) -> str:
-    """Return the notice that heights are compared."""
+def heights_notice(header: str, options: ReadOptions, columns: tuple[str, ...]) -> str:
+    """Return the notice that heights are compared beside these columns."""
     return (
         f"heights are compared ({header}); "
-        f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
+        f"{option(options.option or 'columns', ','.join(columns))} leaves them out"
     )
 
 
-def left_out_heights(header: str, other: str) -> str:
-    """Return the notice that heights of one side are left out, as the other side has no heights."""
-    return f"heights ({header}) are left out: {other} has none"
+def left_out_heights(
+    header: str, options: ReadOptions, columns: tuple[str, ...], reason: str
+) -> Notice:
+    """Return the warning that heights are left out, and only these columns are compared."""
+    return Notice(
+        code="heights-left-out",
+        text=f"heights ({header}) are left out: {reason}",
+        remedy=f"if heights do not count, {option(options.option or 'columns', ','.join(columns))} "
+        "leaves them out without a warning",
+    )
 
 
 def check_classes(

@@ -164,16 +164,11 @@ class Roles:
         )
 
     @property
-    def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states, by name, where header and name differ.
+    def named(self) -> dict[str, str]:
+        """Headers, by name, of ids, times, and states that are a single column.
 
         Empty if the headers are `fixed`.
         """
-        headers = self._headers()
-        return {name: header for name, header in headers.items() if header.casefold() != name}
-
-    def _headers(self) -> dict[str, str]:
-        """Return, by name, the headers of ids, times, and states that are a single column."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -187,7 +182,7 @@ class Roles:
         `clouds` says whether rows are particles. Particles use weights but not covariances, and
         other rows use covariances but not weights.
         """
-        for name, header in self._headers().items():
+        for name, header in self.named.items():
             if name in self.missing:
                 yield (
                     f"{name} is read from column {quoted(header)}: there is no header as named by "

@@ -173,9 +173,7 @@ def evaluate_partitioned(
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
                 stopwatch.notify(f"{changed}: has changed since the last run; starting again")
-            reading, texts = _with_heights(reading, paths, request_of)
-            for text in texts:
-                stopwatch.notify(text)
+            reading, about = _with_heights(reading, paths, request_of)
             truth, estimate = (
                 open_side(path, options, role, work=work / "sides", rows_together=rows, run=run)
                 for path, options, role in zip(paths, reading, ROLES, strict=True)
@@ -190,7 +188,7 @@ def evaluate_partitioned(
                     stopwatch.notify(f"{paths[0]}: {text}")
             axis, grid, plan = find_steps(sides, clocks, request, paths)
 
-        diagnosed = diagnose_middle(plan, grid) if len(plan.times) else []
+        diagnosed = [*about, *(diagnose_middle(plan, grid) if len(plan.times) else ())]
         for notice in diagnosed:
             if not notice.code:
                 stopwatch.notify(str(notice))
@@ -230,7 +228,7 @@ def _with_heights(
     reading: tuple[ReadOptions, ReadOptions],
     paths: tuple[str, str],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
-) -> tuple[tuple[ReadOptions, ReadOptions], list[str]]:
+) -> tuple[tuple[ReadOptions, ReadOptions], list[Notice]]:
     """Return options that read heights if both sides have them, and notices about heights.
 
     Raises
@@ -243,13 +241,17 @@ def _with_heights(
         for (format, files), options in zip(map(files_of, paths), reading, strict=True)
     ]
     headers = [roles.height for roles in heads]
+    each = list(zip(headers, reading, (roles.names for roles in heads), strict=True))
     if all(headers):
         check_heights(headers, request_of(heads[0].names).distance.name)
-        texts = [heights_notice(header, one) for header, one in zip(headers, reading, strict=True)]
         first, second = (replace(one, heights="use") for one in reading)
-        return (first, second), texts
-    named = zip(headers, paths[::-1], strict=True)
-    return reading, [left_out_heights(header, other) for header, other in named if header]
+        return (first, second), [Notice(text=heights_notice(*one)) for one in each]
+    pairs = zip(each, paths, paths[::-1], strict=True)
+    return reading, [
+        left_out_heights(*one, f"{other} has none").about(path)
+        for one, path, other in pairs
+        if one[0]
+    ]
 
 
 def _marking(
@@ -470,12 +472,13 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(plan.rows, DIAGNOSED_ROWS)
     piece = plan.piece(first, last + 1)
-    truth, estimate = (reading.trajectories for reading in piece.read())
+    readings = piece.read()
+    truth, estimate = (reading.trajectories for reading in readings)
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # faults of clocks show only in original timestamps
         sides = fit(truth, estimate, request, names)
-    warnings = diagnose(sides, request)
+    warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
     shown = grid.truth.shown
     return notices + [
         notice.about(f"from step {shown[first]} to {shown[last]}") for notice in warnings

@@ -38,7 +38,7 @@ STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
     "km": ("unit-scale", lambda x: x / 1000, "1000 times too small"),
     "m": ("unit-scale", lambda x: x * 1000, "1000 times too large"),
     "feet": ("unit-scale", lambda x: x / 0.3048, "3.28084 times too large"),
-    "swapped": ("axis-swap", lambda x: x[:, ::-1], "estimate_columns=('x=HEADER', 'y=HEADER')"),
+    "swapped": ("axis-swap", lambda x: x[:, ::-1], "; write both files in the same axes"),
     "turned": ("axis-swap", lambda x: x[:, ::-1] * [1, -1], "with x negated"),
     "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated; "),
     "image": (

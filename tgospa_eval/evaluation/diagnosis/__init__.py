@@ -67,25 +67,11 @@ def diagnose(
     if sample is not None and not any(
         notice.code in ("clock-shift", "stamps-near") for notice in clock
     ):
-        crs = str(request.recorded.get("estimate_crs", ""))
-        warnings += (in_other_axes(notice, crs) for notice in state_warnings(sample))
+        frames = [str(request.recorded.get(f"{role}_crs", "")) for role in ("truth", "estimate")]
+        warnings += state_warnings(sample, frames, sides.headers)
     warnings += step_warnings(sides, request.time_matching)
     warnings += silence_warnings(sides.axis, parameters)
     return warnings + gap_warnings(sides, request)
-
-
-def in_other_axes(notice: Notice, crs: str) -> Notice:
-    """Return the warning; if it is of exchanged axes and `crs` is local, add the remedy.
-
-    The remedy is the other order of local axes, ``enu`` or ``ned``, in `crs`.
-    """
-    name, turned = crs[:3], crs[3:]
-    if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem sw"):
-        return notice
-    if "negated" in notice.text:
-        return notice
-    other = "ned" if name == "enu" else "enu"
-    return replace(notice, remedy=f"{option('estimate_crs', other + turned)}")
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
