@@ -121,6 +121,27 @@ def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
     assert (answer.status, "its outages are not counted here" in answer.err) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("second", "clock"),
+    [
+        *((name, {"grid": grid}) for name in "12" for grid in ("estimate", "common")),
+        ("1", {"interpolate": "truth", "max_gap": 10}),
+        ("2", {"interpolate": "truth", "max_gap": 60}),
+    ],
+)
+def test_time_without_a_true_object_is_no_outage(second: str, clock: dict[str, Any]) -> None:
+    """One object with a gap or two objects: a tracker with a period of 4 misses nothing."""
+    truth = table({("1" if t < 60 else second, t): t for t in (*range(52), *range(101, 151))})
+    stamps = (*range(0, 49, 4), *range(104, 149, 4))
+    estimate = {("a" if t < 60 else f"a{second}", t): t + 0.5 for t in stamps}
+    result = evaluate(truth, table(estimate), **METRIC, **clock)
+    assert (result.counts["missed"], "outage" in str(result.warnings)) == (0, False)
+    dead = {key: x for key, x in estimate.items() if not 36 < key[1] < 128}
+    result = evaluate(truth, table(dead), **METRIC, **clock)
+    assert result.counts["missed"] == (51 - 36) + (128 - 101)
+    assert "1 outage of total length 42;" in str(result.warnings)
+
+
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
     dead = value(invoke("truth.csv", "dead.csv", *clock))

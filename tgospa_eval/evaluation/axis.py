@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
@@ -39,7 +39,7 @@ class Outages:
     Parameters
     ----------
     lengths : (K,) float array
-        Length of each outage, in seconds or the unit of the timestamps.
+        Time with a true object in each outage, in seconds or the unit of the timestamps.
     ticks : (N,) array
         Timestamps of the truth in the outages.
     states : int
@@ -287,7 +287,8 @@ def _find_outages(
     """Return long intervals without an estimate near a true object.
 
     Intervals end at timestamps with such an estimate, or at the first or last timestamp of the
-    truth. They are longer than `TimeMatching.outage`, by default than `SILENCE` median intervals.
+    truth. Only time with a true object counts for their length. They are longer than
+    `TimeMatching.outage`, by default than `SILENCE` median intervals.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -295,7 +296,14 @@ def _find_outages(
     ticks = np.unique(ticks[np.isin(estimate.times, near_times)])
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
-    lengths = np.diff(ends) / second
+    _, begin, end, spans = _between_rows(truth)
+    gap = SILENCE * float(np.median(spans)) if len(spans) else 0.0
+    inside = spans <= (float(matching.gaps[0]) if matching.interpolate == "truth" else gap)
+    objects = np.bincount(begin[inside], minlength=len(own))
+    objects -= np.bincount(end[inside], minlength=len(own))
+    without = np.diff(own) / second * (np.cumsum(objects)[:-1] == 0)
+    without = np.interp(ends - own[0], own - own[0], np.append(0, np.cumsum(without)))
+    lengths = np.diff(ends) / second - np.diff(without)
     intervals = np.diff(ticks) / second
     longest = SILENCE * float(np.median(intervals)) if len(intervals) else 0.0
     if isinstance(matching.outage, Duration):
@@ -312,6 +320,20 @@ def _find_outages(
         states=int(np.count_nonzero(inside[truth.step])),
         counted=matching.outage != "none",
     )
+
+
+def _between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
+    """Return intervals between consecutive rows of an object: track, both steps, and length.
+
+    Objects with a single row count as one object, with track -1.
+    """
+    alone = np.bincount(truth.track, minlength=1)[truth.track] == 1
+    track = np.where(alone, -1, truth.track)
+    order = np.argsort(track, kind="stable")
+    track, step = track[order], truth.step[order]
+    spans = np.diff(truth.times[step]) / (SECOND if truth.clock != "number" else 1)
+    same = (track[1:] == track[:-1]) & (spans > 0)
+    return track[1:][same], step[:-1][same], step[1:][same], spans[same]
 
 
 def _stamped(
@@ -378,11 +400,8 @@ def truth_gaps(
     """
     if matching.interpolate != "truth" and matching.resample is None:
         return None
-    order = np.argsort(truth.track, kind="stable")
-    track, time = truth.track[order], truth.times[truth.step[order]]
-    second = SECOND if truth.clock != "number" else 1
-    intervals = np.diff(time) / second
-    wide = (track[1:] == track[:-1]) & (intervals > float(matching.gaps[0]))
+    track, _, _, intervals = _between_rows(truth)
+    wide = (track >= 0) & (intervals > float(matching.gaps[0]))
     if not wide.any():
         return None
     narrow, estimate = axis.sides
@@ -400,5 +419,5 @@ def truth_gaps(
         states = len(near_rows)
         if axis.reports is not None:
             states = int(np.count_nonzero(np.isin(axis.reports.row, near_rows)))
-    names = sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()})
+    names = sorted({str(truth.ids[i]) for i in track[wide].tolist()})
     return intervals[wide], names, states
