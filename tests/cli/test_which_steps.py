@@ -142,6 +142,32 @@ def test_time_without_a_true_object_is_no_outage(second: str, clock: dict[str, A
     assert "1 outage of total length 42;" in str(result.warnings)
 
 
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+@pytest.mark.parametrize("outage", [None, "none"])
+def test_reports_between_the_times_of_the_truth_are_no_outage(
+    grid: str, outage: str | None
+) -> None:
+    """The remedy is the one that works: with it half of the objects are followed."""
+    clock: dict[str, Any] = {"grid": grid, "outage": outage}
+    lone = {("late", 3.0): 3.0}  # else a common grid without outages would be empty
+    own = {("1", t): t for t in range(10)} | {("2", t): t + 200 for t in range(10)}
+    late = {("a", t + 0.25): t + 0.5 for t in range(10)}
+    result = evaluate(table(own), table(late | lone), **METRIC, **clock)
+    remedy = 'use interpolate="truth" max_gap=5: 9 states of the estimate in outages are then'
+    assert remedy.replace("9", "7") in str(result.warnings)
+    found = evaluate(table(own), table(late), **METRIC, interpolate="truth", max_gap=5)
+    assert found.summary["detection_rate"] == 0.5
+    if outage is None:
+        result = evaluate(table(own), table(late), **METRIC, **clock)
+        assert remedy in str(result.warnings)
+        far = dict.fromkeys(late, -500.0)
+        result = evaluate(table(own), table(far), **METRIC, **clock)
+        assert ("outage of" in str(result.warnings), "use " in str(result.warnings)) == (
+            True,
+            False,
+        )
+
+
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
     dead = value(invoke("truth.csv", "dead.csv", *clock))

@@ -297,8 +297,7 @@ def _find_outages(
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
     _, begin, end, spans = _between_rows(truth)
-    gap = SILENCE * float(np.median(spans)) if len(spans) else 0.0
-    inside = spans <= (float(matching.gaps[0]) if matching.interpolate == "truth" else gap)
+    inside = spans <= _longest_gap(spans, matching)
     objects = np.bincount(begin[inside], minlength=len(own))
     objects -= np.bincount(end[inside], minlength=len(own))
     without = np.diff(own) / second * (np.cumsum(objects)[:-1] == 0)
@@ -334,6 +333,37 @@ def _between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
     spans = np.diff(truth.times[step]) / (SECOND if truth.clock != "number" else 1)
     same = (track[1:] == track[:-1]) & (spans > 0)
     return track[1:][same], step[:-1][same], step[1:][same], spans[same]
+
+
+def _longest_gap(spans: Floats, matching: TimeMatching) -> float:
+    """Return the longest interval between two rows of an object across which it exists."""
+    if matching.interpolate == "truth":
+        return float(matching.gaps[0])
+    return SILENCE * float(np.median(spans)) if len(spans) else 0.0
+
+
+def near_in_outages(
+    sides: Sides, outages: Outages, matching: TimeMatching, distance: Distance, cutoff: float
+) -> tuple[float, int]:
+    """Count estimate states in outages that are near the truth if it is interpolated.
+
+    Returns
+    -------
+    gap : float
+        Longest gap across which the truth is interpolated.
+    states : int
+        Number of these states.
+    """
+    truth, estimate = sides
+    gap = float(f"{_longest_gap(_between_rows(truth)[-1], matching):.2g}")
+    names = "truth", "estimate"
+    moved, _ = _made(truth, estimate, Duration.of(gap, "max-gap"), matching, distance, names)
+    pair, near = _near(moved, estimate, matching, distance, cutoff)
+    rows = np.unique(near.estimate_row)
+    place = np.searchsorted(truth.times, pair.estimate.times[pair.estimate.step[rows]])
+    around = truth.times[place.clip(1) - 1], truth.times[place.clip(max=len(truth.times) - 1)]
+    silent = np.isin(around, outages.ticks).all(axis=0)
+    return gap, int(np.count_nonzero(silent))
 
 
 def _stamped(

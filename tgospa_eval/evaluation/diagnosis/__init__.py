@@ -10,6 +10,7 @@ For a clock, that cost leaves out objects that are missed or false with both clo
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,11 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, concatenated, median, stretches
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted, in_both, number
+from tgospa_eval.common.words import counted, in_both, number, plain
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
-from tgospa_eval.evaluation.axis import Axis, truth_gaps
+from tgospa_eval.errors import TgospaError
+from tgospa_eval.evaluation.axis import Axis, near_in_outages, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
@@ -67,7 +69,7 @@ def diagnose(
         crs = str(request.recorded.get("estimate_crs", ""))
         warnings += (in_other_axes(notice, crs) for notice in state_warnings(sample))
     warnings += step_warnings(sides, request.time_matching)
-    warnings += silence_warnings(sides.axis, parameters)
+    warnings += silence_warnings(sides, request)
     return warnings + gap_warnings(sides, request)
 
 
@@ -146,9 +148,9 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     return []
 
 
-def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
+def silence_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
     """Warn of stretches without estimates, with their length and cost."""
-    outages = axis.outages
+    outages, parameters, matching = sides.axis.outages, request.parameters, request.time_matching
     if outages is None:
         return []
     total, longest = float(outages.lengths.sum()), float(outages.lengths.max())
@@ -158,23 +160,28 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
         f"{counted(len(outages.lengths), 'outage')} of total length {number(total, 4)}{longest_of}"
     )
     states = f"{counted(outages.states, 'state')} of the truth"
-    if not outages.counted:
-        return [
-            Notice(
-                code="silences-not-charged",
-                text=f"{text}; outages do not count, so {states} at these times are not evaluated",
-                remedy=f"leave out {option('outage', 'none')} if the tracker should report at "
-                "all times",
+    remedy, near = "", 0
+    if matching.interpolate is None:
+        with suppress(TgospaError):  # not every distance has interpolated states
+            gap, near = near_in_outages(
+                sides.given, outages, matching, sides.distance, parameters.cutoff
             )
-        ]
-    cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
-    return [
-        Notice(
-            code="silences",
-            text=f"{text}; {states} at these times are missed, which costs {number(cost)}",
-            remedy=f"use {option('outage', 'none')} if the tracker reports only what it sees",
+    if near:
+        remedy = (
+            f"use {option('interpolate', 'truth')} {option('max_gap', plain(gap))}: "
+            f"{counted(near, 'state')} of the estimate in outages {'is' if near == 1 else 'are'} "
+            "then within c of a true object"
         )
-    ]
+    elif not outages.counted:
+        remedy = f"leave out {option('outage', 'none')} if the tracker should report at all times"
+    elif sides.alignment.common:  # else no object would be left
+        remedy = f"use {option('outage', 'none')} if the tracker reports only what it sees"
+    if not outages.counted:
+        text += f"; outages do not count, so {states} at these times are not evaluated"
+        return [Notice(code="silences-not-charged", text=text, remedy=remedy)]
+    cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
+    text += f"; {states} at these times are missed, which costs {number(cost)}"
+    return [Notice(code="silences", text=text, remedy=remedy)]
 
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
