@@ -168,6 +168,39 @@ def test_reports_between_the_times_of_the_truth_are_no_outage(
         )
 
 
+@pytest.mark.parametrize(
+    ("swapped", "clock", "remedy"),
+    [
+        (False, {"resample": 1, "max_gap": "10,5"}, {"resample": 1, "max_gap": "30,5"}),
+        (False, {"interpolate": "truth", "max_gap": 10}, {"interpolate": "truth", "max_gap": 30}),
+        (
+            True,
+            {"interpolate": "estimate", "max_gap": 10},
+            {"interpolate": "estimate", "max_gap": 30},
+        ),
+        (True, {"grid": "truth"}, {"grid": "union"}),
+    ],
+)
+def test_a_track_that_the_clock_leaves_out_is_told(
+    swapped: bool, clock: dict[str, Any], remedy: dict[str, Any]
+) -> None:
+    ships = {("1", t): t for t in range(0, 101, 5)}
+    ships |= {("2", t + 0.5): t + 500 for t in (0, 30, 60, 90)}
+    sides = table(ships), table({("a", t): t + 0.5 for t in range(0, 99, 2)})
+    sides = sides[::-1] if swapped else sides
+
+    def warned(clock: dict[str, Any]) -> list[str]:
+        found = evaluate(*sides, **METRIC, **clock)
+        return [str(notice) for notice in found.warnings if notice.code == "not-evaluated"]
+
+    noun = "estimates" if swapped else "ground-truth objects"
+    (text,) = warned(clock)
+    assert f"1 of 2 {noun} has no state at a step that counts, so it costs nothing: id 2" in text
+    name, value = list(remedy.items())[-1]
+    assert f"{name}={value}" in text.replace('"', "")
+    assert not warned(remedy)
+
+
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
     dead = value(invoke("truth.csv", "dead.csv", *clock))

@@ -101,6 +101,7 @@ def pair_notices(
             yield Notice(text=text)
     warnings = diagnosis.diagnose(sides, request, sound=sound)
     yield from warnings
+    yield from diagnosis.lost_warnings(sides, request.time_matching)
     if request.defaults:
         yield diagnosis.default_notice(
             aligned,

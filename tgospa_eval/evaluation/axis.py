@@ -296,7 +296,7 @@ def _find_outages(
     ticks = np.unique(ticks[np.isin(estimate.times, near_times)])
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
-    _, begin, end, spans = _between_rows(truth)
+    _, begin, end, spans = between_rows(truth)
     inside = spans <= _longest_gap(spans, matching)
     objects = np.bincount(begin[inside], minlength=len(own))
     objects -= np.bincount(end[inside], minlength=len(own))
@@ -321,7 +321,7 @@ def _find_outages(
     )
 
 
-def _between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
+def between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
     """Return intervals between consecutive rows of an object: track, both steps, and length.
 
     Objects with a single row count as one object, with track -1.
@@ -355,7 +355,7 @@ def near_in_outages(
         Number of these states.
     """
     truth, estimate = sides
-    gap = float(f"{_longest_gap(_between_rows(truth)[-1], matching):.2g}")
+    gap = float(f"{_longest_gap(between_rows(truth)[-1], matching):.2g}")
     names = "truth", "estimate"
     moved, _ = _made(truth, estimate, Duration.of(gap, "max-gap"), matching, distance, names)
     pair, near = _near(moved, estimate, matching, distance, cutoff)
@@ -430,7 +430,7 @@ def truth_gaps(
     """
     if matching.interpolate != "truth" and matching.resample is None:
         return None
-    track, _, _, intervals = _between_rows(truth)
+    track, _, _, intervals = between_rows(truth)
     wide = (track >= 0) & (intervals > float(matching.gaps[0]))
     if not wide.any():
         return None

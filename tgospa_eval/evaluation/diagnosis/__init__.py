@@ -22,8 +22,8 @@ from tgospa_eval.common.words import counted, in_both, number, plain
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
 from tgospa_eval.errors import TgospaError
-from tgospa_eval.evaluation.axis import Axis, near_in_outages, truth_gaps
-from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
+from tgospa_eval.evaluation.axis import Axis, between_rows, near_in_outages, truth_gaps
+from tgospa_eval.evaluation.diagnosis.clock import clock_warnings, rounded_up
 from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.formats.headers import METRES
@@ -193,11 +193,10 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     if gaps is None:
         return []
     lengths, names, states = gaps
-    ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
         f"{matching.gaps[0].text}, of total length {number(float(lengths.sum()), 4)}, in the "
-        f"tracks of id {ids}"
+        f"tracks of id {_listed(names)}"
     )
     if not states:
         return [Notice(text=text)]
@@ -214,6 +213,50 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
             f"in straight lines in the gaps, use a longer {option('max_gap')}",
         )
     ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Name the first three of some ids, and how many more there are."""
+    return ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
+
+
+def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Notice]:
+    """Warn of objects and estimates without a state at the steps that count."""
+    moved = "truth" if matching.resample is not None else matching.interpolate
+    aligned, nouns = sides.alignment, {"truth": "ground-truth object", "estimate": "estimate"}
+    both = zip(nouns, sides.given, (aligned.truth, aligned.estimate), strict=True)
+    for role, side, counting in both:
+        there = set(counting.ids.tolist())
+        is_lost = np.array([name not in there for name in side.ids.tolist()], bool)
+        if not is_lost.any():
+            continue
+        track, begin, end, spans = between_rows(side)
+        first = np.searchsorted(counting.times, side.times[begin])
+        around = first < np.searchsorted(counting.times, side.times[end], "right")
+        around &= track >= 0
+        gaps = np.full(len(is_lost), np.inf)  # shortest gap around a step
+        np.minimum.at(gaps, track[around], spans[around])
+        if matching.steps is not None:  # objects may be outside of declared steps
+            is_lost &= gaps < np.inf
+        names, gaps = side.ids[is_lost].tolist(), gaps[is_lost & (gaps < np.inf)]
+        if not names:
+            continue
+        lone, remedy = len(names) == 1, ""
+        if moved == role and len(gaps) and matching.steps is None:
+            longest = ",".join((rounded_up(gaps.max()), *(gap.text for gap in matching.gaps[1:])))
+            which = (
+                ("it" if lone else "them") if len(gaps) == len(names) else f"{len(gaps)} of them"
+            )
+            remedy = f"use {option('max_gap', longest)} to evaluate {which}"
+        elif matching.grid != "union":
+            remedy = f"{option('grid', 'union')} counts all steps"
+        yield Notice(
+            code="not-evaluated",
+            text=f"{len(names):,} of {counted(len(side.ids), nouns[role])} "
+            f"{'has' if lone else 'have'} no state at a step that counts, so "
+            f"{'it costs' if lone else 'they cost'} nothing: id {_listed(names)}",
+            remedy=remedy,
+        )
 
 
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:

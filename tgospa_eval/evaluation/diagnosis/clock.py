@@ -727,7 +727,7 @@ def _near_misses(
     wide = float(close.max())
     if close.dtype.kind == "f":  # `within` allows for the rounding of timestamps
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
-    named = _rounded_up(wide / unit)
+    named = rounded_up(wide / unit)
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
     left = unshared - 2 * len(close)
@@ -756,7 +756,7 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
-def _rounded_up(value: float) -> str:
+def rounded_up(value: float) -> str:
     """Round up to two digits, but ignore the last digit of a double."""
     from decimal import ROUND_CEILING, Context
 
