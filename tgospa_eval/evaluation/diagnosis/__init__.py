@@ -311,7 +311,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     """
     if not len(near):
         return None
-    middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
+    middle, spacing = median(near), median(next_truths)
     # An estimate of an object is nearer to it than to the next object.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
