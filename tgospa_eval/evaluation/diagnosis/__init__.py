@@ -70,6 +70,11 @@ def diagnose(
         warnings += (in_other_axes(notice, crs) for notice in state_warnings(sample))
     warnings += step_warnings(sides, request.time_matching)
     warnings += silence_warnings(sides, request)
+    if request.step_weights is not None:
+        weights = request.step_weights.on(sides.alignment.truth)[0]
+        steps = f"{np.count_nonzero(weights == 0):,} of {counted(len(weights), 'step')}"
+        text = f"{steps} have the weight 0: their states are left out"
+        warnings += [] if weights.all() else [Notice(text=text)]
     return warnings + gap_warnings(sides, request)
 
 
@@ -222,6 +227,8 @@ def _listed(names: Sequence[str]) -> str:
 
 def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Notice]:
     """Warn of objects and estimates without a state at the steps that count."""
+    if not matching.gaps and matching.grid == "union" and matching.steps is None:
+        return
     moved = "truth" if matching.resample is not None else matching.interpolate
     aligned, nouns = sides.alignment, {"truth": "ground-truth object", "estimate": "estimate"}
     both = zip(nouns, sides.given, (aligned.truth, aligned.estimate), strict=True)
