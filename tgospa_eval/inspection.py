@@ -63,8 +63,8 @@ def inspect(
         warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = both = compare(sides, request)
-        found = *diagnose(sides, request), *lost_warnings(sides, time_matching)
-        notices = [notice for notice in found if notice.code]
+        every = *diagnose(sides, request), *lost_warnings(sides, time_matching)
+        notices = [notice for notice in every if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
             both["nearest"]["suggested"] = None  # these distances are no localisation errors

@@ -326,8 +326,8 @@ def between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
 
     Objects with a single row count as one object, with track -1.
     """
-    alone = np.bincount(truth.track, minlength=1)[truth.track] == 1
-    track = np.where(alone, -1, truth.track)
+    is_single = np.bincount(truth.track)[truth.track] == 1
+    track = np.where(is_single, -1, truth.track)
     order = np.argsort(track, kind="stable")
     track, step = track[order], truth.step[order]
     spans = np.diff(truth.times[step]) / (SECOND if truth.clock != "number" else 1)
