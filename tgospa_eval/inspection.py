@@ -11,7 +11,13 @@ from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.distances import DISTANCES, Distance
-from tgospa_eval.evaluation.diagnosis import diagnose, explained, suggest_cutoff, unit_notices
+from tgospa_eval.evaluation.diagnosis import (
+    diagnose,
+    explained,
+    lost_warnings,
+    suggest_cutoff,
+    unit_notices,
+)
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.prepare import AlignedPair
@@ -61,7 +67,8 @@ def inspect(
         warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = both = compare(sides, request)
-        notices = [notice for notice in diagnose(sides, request) if notice.code]
+        every = *diagnose(sides, request), *lost_warnings(sides, time_matching)
+        notices = [notice for notice in every if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
             # The distances are not localisation errors: a wrong unit or clock explains them, or

@@ -121,6 +121,86 @@ def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
     assert (answer.status, "its outages are not counted here" in answer.err) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("second", "clock"),
+    [
+        *((name, {"grid": grid}) for name in "12" for grid in ("estimate", "common")),
+        ("1", {"interpolate": "truth", "max_gap": 10}),
+        ("2", {"interpolate": "truth", "max_gap": 60}),
+    ],
+)
+def test_time_without_a_true_object_is_no_outage(second: str, clock: dict[str, Any]) -> None:
+    """One object with a gap or two objects: a tracker with a period of 4 misses nothing."""
+    truth = table({("1" if t < 60 else second, t): t for t in (*range(52), *range(101, 151))})
+    stamps = (*range(0, 49, 4), *range(104, 149, 4))
+    estimate = {("a" if t < 60 else f"a{second}", t): t + 0.5 for t in stamps}
+    result = evaluate(truth, table(estimate), **METRIC, **clock)
+    assert (result.counts["missed"], "outage" in str(result.warnings)) == (0, False)
+    dead = {key: x for key, x in estimate.items() if not 36 < key[1] < 128}
+    result = evaluate(truth, table(dead), **METRIC, **clock)
+    assert result.counts["missed"] == (51 - 36) + (128 - 101)
+    assert "1 outage of total length 42;" in str(result.warnings)
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+@pytest.mark.parametrize("outage", [None, "none"])
+def test_reports_between_the_times_of_the_truth_are_no_outage(
+    grid: str, outage: str | None
+) -> None:
+    """The remedy is the one that works: with it half of the objects are followed."""
+    clock: dict[str, Any] = {"grid": grid, "outage": outage}
+    lone = {("late", 3.0): 3.0}  # else a common grid without outages would be empty
+    own = {("1", t): t for t in range(10)} | {("2", t): t + 200 for t in range(10)}
+    late = {("a", t + 0.25): t + 0.5 for t in range(10)}
+    result = evaluate(table(own), table(late | lone), **METRIC, **clock)
+    remedy = 'use interpolate="truth" max_gap=5: 9 states of the estimate in outages are then'
+    assert remedy.replace("9", "7") in str(result.warnings)
+    found = evaluate(table(own), table(late), **METRIC, interpolate="truth", max_gap=5)
+    assert found.summary["detection_rate"] == 0.5
+    if outage is None:
+        result = evaluate(table(own), table(late), **METRIC, **clock)
+        assert remedy in str(result.warnings)
+        far = dict.fromkeys(late, -500.0)
+        result = evaluate(table(own), table(far), **METRIC, **clock)
+        assert ("outage of" in str(result.warnings), "use " in str(result.warnings)) == (
+            True,
+            False,
+        )
+
+
+@pytest.mark.parametrize(
+    ("swapped", "clock", "remedy"),
+    [
+        (False, {"resample": 1, "max_gap": "10,5"}, {"resample": 1, "max_gap": "30,5"}),
+        (False, {"interpolate": "truth", "max_gap": 10}, {"interpolate": "truth", "max_gap": 30}),
+        (
+            True,
+            {"interpolate": "estimate", "max_gap": 10},
+            {"interpolate": "estimate", "max_gap": 30},
+        ),
+        (True, {"grid": "truth"}, {"grid": "union"}),
+    ],
+)
+def test_a_track_that_the_clock_leaves_out_is_told(
+    swapped: bool, clock: dict[str, Any], remedy: dict[str, Any]
+) -> None:
+    ships = {("1", t): t for t in range(0, 101, 5)}
+    ships |= {("2", t + 0.5): t + 500 for t in (0, 30, 60, 90)}
+    sides = table(ships), table({("a", t): t + 0.5 for t in range(0, 99, 2)})
+    sides = sides[::-1] if swapped else sides
+
+    def warned(clock: dict[str, Any]) -> list[str]:
+        found = evaluate(*sides, **METRIC, **clock)
+        return [str(notice) for notice in found.warnings if notice.code == "not-evaluated"]
+
+    noun = "estimates" if swapped else "ground-truth objects"
+    (text,) = warned(clock)
+    assert f"1 of 2 {noun} has no state at a step that counts, so it costs nothing: id 2" in text
+    name, value = list(remedy.items())[-1]
+    assert f"{name}={value}" in text.replace('"', "")
+    assert not warned(remedy)
+
+
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
     dead = value(invoke("truth.csv", "dead.csv", *clock))

@@ -24,7 +24,7 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
-"""Smallest relative gap that can be reached, because bounds are rounded outward."""
+"""Smallest relative gap that is reached for sure, because bounds are rounded outward."""
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -102,6 +102,7 @@ def pair_notices(
             yield Notice(text=text)
     warnings = diagnosis.diagnose(sides, request, sound=sound)
     yield from warnings
+    yield from diagnosis.lost_warnings(sides, request.time_matching)
     if request.defaults:
         yield diagnosis.default_notice(
             aligned,
@@ -171,7 +172,7 @@ def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]
     gap_note = f"; requested: {result.gap:g}" if resolved.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
-        narrowest = f"; bounds are rounded outward, the smallest gap is {NARROWEST:g}"
+        narrowest = f"; bounds are rounded outward, so gaps below {NARROWEST:g} may not be met"
     yield (
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
         f"{result.relative_gap:.2g}{gap_note}{narrowest}"

@@ -236,10 +236,7 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "tuple[PreparedPair, list[str]]":
-    """Return the problem that an evaluation of these files would solve, and the classes of the files.
-
-    `options` are the options of this evaluation.
-    """
+    """Return the problem of an evaluation of these files with `options`, and the files' classes."""
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested

@@ -486,7 +486,7 @@ def _recorded(
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
     counts = aligned.truth.reduced_to(kinds)
-    is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
+    is_whole = sides.read[0] is sides.given[0] and len(counts.step) == len(sides.read[0].step)
     sha256 = digests[0] if is_whole else digest(counts, existence=likely)
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
@@ -544,6 +544,8 @@ def fit(
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.reports is not None:
         aligned = replace(aligned, reports=axis.reports)
+    if request.step_weights is not None:
+        aligned = _weighted(aligned, request.step_weights.on(aligned.truth)[0])
     if time_matching.of_estimate:  # the horizon has the timestamps of estimate and outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
@@ -562,6 +564,20 @@ def fit(
     fitted = distance.fitted((aligned.truth, aligned.estimate))
     both = truth, estimate
     return AlignedPair(given=given, read=both, alignment=aligned, distance=fitted, axis=axis)
+
+
+def _weighted(aligned: Alignment, weights: Floats) -> Alignment:
+    """Return both sides without the rows at steps with weight 0; the steps stay."""
+    if weights.all():
+        return aligned
+    rows = [np.flatnonzero(weights[side.step] > 0) for side in (aligned.truth, aligned.estimate)]
+    reports = aligned.reports
+    return replace(
+        aligned,
+        truth=aligned.truth.chosen(rows[0]),
+        estimate=aligned.estimate.chosen(rows[1]),
+        reports=reports and replace(reports, row=reports.row[rows[1]]),
+    )
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

@@ -333,7 +333,7 @@ def _result(
     if evaluated.unjudged is not None:
         counts = counts - evaluated.unjudged.ignored
     switches = float(proof.breakdown.switch_count.sum())
-    numbers, followed = tracking(evaluated, max(len(axis.horizon.times), 1), switches)
+    numbers, followed = tracking(evaluated, switches)
     counting = digest_of_sums(columns, [block.counting for block in blocks])
     return make_result(
         PartitionedResult,
@@ -375,7 +375,7 @@ def _result(
     )
 
 
-def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
+def tracking(evaluated: Evaluated, switches: float) -> tuple[Json, Floats]:
     """Return the numbers of the summary that are sums, and the tracked share of each truth."""
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
@@ -389,6 +389,7 @@ def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json,
             total, whole = total + float(weight.sum()), whole and bool((weight == 1).all())
             first, second = first + float(weight @ error), second + float(weight @ error**2)
     states = [tracks.evaluated for tracks in evaluated.tracks]
+    count = max(len(evaluated.objects[0]), 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         followed = [
             (own - costs.unassigned_count) / own
@@ -409,15 +410,15 @@ def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json,
         "mean_error": ratio(first, total),
         "switches_per_truth": ratio(switches, int(np.count_nonzero(states[0]))),
         "false_tracks": int(np.count_nonzero(false)),
-        "false_tracks_per_step": ratio(float(states[1][false].sum()), horizon),
+        "false_tracks_per_step": ratio(float(states[1][false].sum()), count),
         "false_track_length": mean(states[1][false].astype(np.float64)),
     }
     if evaluated.unjudged is None:
         surplus = evaluated.objects[1] - evaluated.objects[0]
         numbers |= {
-            "cardinality_error": ratio(float(surplus.sum()), horizon),
-            "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
-            "cardinality_rms": root(ratio(float((surplus**2).sum()), horizon)),
+            "cardinality_error": ratio(float(surplus.sum()), count),
+            "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), count),
+            "cardinality_rms": root(ratio(float((surplus**2).sum()), count)),
         }
     if whole:
         numbers["siap"] = {

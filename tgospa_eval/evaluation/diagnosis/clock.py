@@ -765,7 +765,7 @@ def _near_misses(
     wide = float(close.max())
     if close.dtype.kind == "f":  # a tolerance allows for rounding by itself
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
-    named = _rounded_up(wide / unit)
+    named = rounded_up(wide / unit)
     close = distance[missed & within(distance, float(named), times, clock)]
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
@@ -798,7 +798,7 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
-def _rounded_up(value: float) -> str:
+def rounded_up(value: float) -> str:
     """Round up to two digits, but not because of a rounding error in the last digit."""
     from decimal import ROUND_CEILING, Context
 
@@ -869,7 +869,7 @@ def find_clock(
     parameters, distance
         Cutoff and order, and the base distance, which compares states without covariances.
     request : EvaluationRequest
-        Options of the evaluation, with the `time_scale` and `time_offset` with which the estimate was read.
+        Options of the evaluation. The estimate was read with its `time_scale` and `time_offset`.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
@@ -955,7 +955,7 @@ def _clock(
             wide = 10.0 ** math.ceil(math.log10(tolerance / unit))  # not all steps were examined
             cures.append(("time_tolerance", plain(wide)))
     elif not moves:
-        gap = _rounded_up(search.timeline.longest / unit)
+        gap = rounded_up(search.timeline.longest / unit)
         cures += [("interpolate", "truth"), ("max_gap", gap)]
     works = search.fit(float(offset)).total > now.total and (moves or equal is None or equal[0])
     works = works and (moves or equal is not None or matching.grid == "union")
