@@ -19,7 +19,13 @@ from tgospa_eval.evaluation.request import MOT_METRICS, EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, objects, read
 from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
-from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
+from tgospa_eval.formats.reading import (
+    by_one_place,
+    check_classes,
+    in_one_clock,
+    in_one_spelling,
+    with_heights,
+)
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.quoting import listed, option
 
@@ -350,8 +356,9 @@ def _brought_together(
     """Convert truth and estimate to the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
-    sides = in_one_clock(sides)
-    truth, estimate = sides
+    truth, estimate = sides = in_one_clock(sides)
+    if resolved.reading.by_class:
+        sides = truth, estimate = truth, in_one_spelling(truth, estimate)
     if resolved.frames is not None:
         both = truth.trajectories, estimate.trajectories
         *placed, warning = resolved.frames.joined(both, names)

@@ -276,14 +276,14 @@ def _splits(text: str, count: int) -> Iterator[list[str]]:
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """Return the class of this name, else the only class with the name in another case, or None."""
+    """Return the class of this name, else the only class that `is_alike`, or None."""
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Return whether two names are equal except for upper and lower case."""
-    return name.casefold() == other.casefold()
+    """Return whether two names are equal except for case, or are one number, as 1 and 1.0."""
+    return name.casefold() == other.casefold() or parsed(name) == parsed(other) is not None
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:

@@ -364,6 +364,32 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
     return (side, sides[1]) if k == 0 else (sides[0], side)
 
 
+def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
+    """Return the estimate with its classes as the truth writes them, and notices about classes."""
+    classes, notices, there = [], [], truth.classes
+    for name in estimate.classes:
+        match = class_named(name, there) or name
+        is_only = sum(is_alike(match, other) for other in estimate.classes) == 1
+        if match != name:
+            way = "read as" if is_only else "as written, another class than"
+            notices.append(f"class {quoted(name)} is {way} {quoted(match)}")
+        classes.append(match if is_only else name)
+    own, lost = ([*filter(None, {*a} - {*b})] for a, b in ((classes, there), (there, classes)))
+    warnings = estimate.warnings
+    if own and lost and {*classes}.isdisjoint(there):
+        text = f"its classes {listed(sorted(own))} are not in the truth, which has "
+        text += listed(sorted(lost))
+        remedy = f"write classes alike in both files, or leave out {option('by', 'class')}"
+        warnings += (Notice(code="classes-differ", text=text, remedy=remedy),)
+    elif own and lost:
+        notices.append(
+            f"no {listed(sorted(own))} in the truth, and no {listed(sorted(lost))} here: states of "
+            "different classes are never matched"
+        )
+    said = (*estimate.notices, *notices)
+    return replace(estimate, classes=tuple(classes), notices=said, warnings=warnings)
+
+
 def check_heights(headers: Sequence[str], distance: str) -> None:
     """Check that the distance supports the heights of both sides.
 
