@@ -152,6 +152,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
         height=roles.height,
+        units=roles.units,
         regions=_regions(rows, state) if options.regions else None,
     )
 

@@ -16,6 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
+from tgospa_eval.formats.headers import ANGLES, LENGTHS
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import unsigned_zeros, whole
@@ -155,6 +156,8 @@ class Reading:
         Headers of unknown positions that were skipped, as other columns of positions were read.
     height : str
         Header of heights or elevations that are left out.
+    units : dict of str to str
+        Units of states that the side states, by column.
     regions : Regions, optional
         Boxes of the file that are regions without evaluation instead of objects, if
         `ReadOptions.regions` is set.
@@ -176,6 +179,7 @@ class Reading:
     idle: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     height: str = ""
+    units: dict[str, str] = field(default_factory=dict)
     regions: Regions | None = None
 
     @property
@@ -418,6 +422,45 @@ def heights_notice(header: str, options: ReadOptions) -> str:
 def left_out_heights(header: str, other: str) -> str:
     """Return the notice that heights of one side are left out, as the other side has none."""
     return f"heights ({header}) are left out: {other} has none"
+
+
+def check_units(
+    sides: Sequence[Reading], paths: Sequence[str], scaled: Callable[[int, str], bool]
+) -> None:
+    """Check that the sides state the same units; `scaled` says which columns have a factor.
+
+    Raises
+    ------
+    ConfigError
+        Two columns of the same quantity, or two lengths, have different units.
+    """
+    for sizes in (LENGTHS, ANGLES):
+        stated = [
+            (k, name, unit, sizes[unit])
+            for k, side in enumerate(sides)
+            for name, unit in side.units.items()
+            if unit in sizes and not scaled(k, name)
+        ]
+        for k, name, unit, size in stated:
+            first, column, known, base = next(
+                one for one in stated if one[1] == name or (one[3] and size)
+            )
+            if size == base:
+                continue
+            remedy = "write both in one unit"
+            if size and base:
+                factors = [
+                    [(n, s / base) for i, n, _, s in stated if i == j] for j in range(len(ROLES))
+                ]
+                given = (
+                    ",".join(f"{n}={f:.12g}" for n, f in one if f not in (0, 1)) for one in factors
+                )
+                ways = [option(f"{r}_scale", x) for r, x in zip(ROLES, given, strict=True) if x]
+                remedy = f"use {' and '.join(ways)}"
+            raise ConfigError(
+                f"{paths[k]}: {name} is in {unit}, but {column} of {paths[first]} is in {known}; "
+                f"{remedy}"
+            )
 
 
 def check_classes(

@@ -42,6 +42,7 @@ from tgospa_eval.formats.headers import (
     parse_columns,
     shared_columns,
     two_parts_of_a_stamp,
+    unit_of,
     without_maps,
     words_of,
 )
@@ -102,6 +103,8 @@ class Roles:
         the beginning.
     height : str
         Header of the left-out heights of positions on the Earth, or elevations of ranges.
+    stated : dict of int to str
+        Units below the headers, by column.
     options : ReadOptions
         Options of reading.
     """
@@ -129,6 +132,7 @@ class Roles:
     other_ids: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
     height: str = ""
+    stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
 
     @cached_property
@@ -165,6 +169,13 @@ class Roles:
         """Headers of ids, times and states that have another name; empty for fixed headers."""
         headers = self._headers()
         return {name: header for name, header in headers.items() if header.casefold() != name}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units that headers, or a line below them, state, by the name of the state."""
+        columns = zip(self.names, (mix[0][0] for mix in self.state), strict=True)
+        units = {n: self.stated.get(k) or unit_of(self.headers[k]) for n, k in columns}
+        return {} if self.fixed else {name: unit for name, unit in units.items() if unit}
 
     def _headers(self) -> dict[str, str]:
         """Return the headers of ids, times and states with one column, by name."""

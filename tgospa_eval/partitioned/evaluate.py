@@ -95,6 +95,7 @@ class SideSummary(Reading):
             rows=side.steps.rows,
             format=side.format,
             missing=side.roles.missing,
+            units=side.roles.units,
             left_out=dict(left_out),
             named=tuple(side.steps.classes),
             at_steps=sum(block["at_steps"] for block in blocks),

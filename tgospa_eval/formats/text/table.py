@@ -34,7 +34,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
-from tgospa_eval.formats.headers import BOX
+from tgospa_eval.formats.headers import BOX, unit_of
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
@@ -165,7 +165,13 @@ def header_of(
             passed.append(f"{above}{what} above the header passed over")
         below = 0  # wide tables have no lines of units
         if not wide:
-            below, start = _lines_of_units(text, start, len(names), delimiter, roles)
+            below, begin = _lines_of_units(text, start, len(names), delimiter, roles)
+            lines = itertools.islice(lines_of(text, start), below)
+            words = (
+                enumerate(f"in {field}" for field in _fields(line, delimiter)) for line in lines
+            )
+            stated = {k: unit for line in words for k, text in line if (unit := unit_of(text))}
+            roles, start = replace(roles, stated=stated), begin
         if below:
             lines = counted(below, "line")
             passed.append(f"{lines} of units or names below the header passed over")
