@@ -375,6 +375,16 @@ def _grid(
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
+    if times.clock == "number" and len(timestamps) and timestamps[0] > 1.9e7:
+        from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
+
+        side = options.option.rpartition("columns")[0]
+        sides = (side,) if side else ("truth_", "estimate_")
+        if form := calendar_format(timestamps):
+            ways = " or ".join(option(f"{side}time_format", form) for side in sides)
+            shown = f"times such as {timestamps[0]:.15g} look like dates, and count as numbers"
+            remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
+            choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
     labels = None
     if times.text is not None:
         labels = np.empty(len(timestamps), dtype=object)
