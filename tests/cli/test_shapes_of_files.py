@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shlex
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -365,6 +366,16 @@ def coco(side: str, **image: Any) -> dict[str, Any]:
     return {"images": images, "annotations": annotations, "categories": []}
 
 
+def test_marks_of_coco(invoke: Invoke) -> None:
+    truth = coco("gt", frame_id=lambda t: t)
+    for k, one in enumerate(truth["annotations"]):
+        one |= {"iscrowd": k % 2, "ignore": 0}
+    write("t.json", json.dumps(truth))
+    answer = invoke("t.json", "t.json", "-c", "5", "-g", "2", "--truth-where", "iscrowd == 0")
+    rows = len(truth["annotations"]) // 2
+    assert f"t.json: {rows} rows left out by --truth-where" in answer.err
+
+
 def test_coco(invoke: Invoke) -> None:
     both("{}.json", lambda side: json.dumps(coco(side, frame_id=lambda t: t)))
     write("res.json", json.dumps(coco("est")["annotations"]))
@@ -435,3 +446,41 @@ def test_tracks_of_napari(invoke: Invoke) -> None:
     np.save("a.npy", np.zeros((6, 4)))
     with pytest.raises(InputError, match=r'columns=\["id", "t", "y", "x"\]'):
         read("a.npy", ReadOptions())
+
+
+def vis(*, hidden: str = "", mark: str = "0,1") -> str:
+    """Return a table of one object that `hidden` hides at a third of the steps."""
+    off, on = mark.split(",")
+    place = ("{t},{t}", hidden or "{t},{t}")
+    rows = [
+        f"1,{t},{off if t % 3 == 0 else on},{place[t % 3 == 0].format(t=t + 5)}" for t in range(9)
+    ]
+    return "\n".join(("id,frame,HEADER,x,y", *rows)) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "truth", "estimate", "way"),
+    [
+        ("visibility", vis(), vis(hidden="0,0"), "--estimate-where 'visibility > 0'"),
+        (
+            "visible",
+            vis(),
+            vis(hidden="-1,-1", mark="False,True"),
+            "--estimate-where 'visible == True'",
+        ),
+        ("visibility", vis(), vis(), ""),  # hidden objects with known positions
+        ("conf", vis(), vis(), "--truth-where 'conf > 0'"),
+        ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--truth-where 'iscrowd == 0'"),
+    ],
+)
+def test_flags_of_rows_that_may_not_count(
+    invoke: Invoke, header: str, truth: str, estimate: str, way: str
+) -> None:
+    for name, table in (("t.csv", truth), ("e.csv", estimate)):
+        write(name, table.replace("HEADER", header))
+    answer = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json")
+    assert ("leaves them out" in answer.err) is bool(way), answer.err
+    assert f"{way} leaves them out" in answer.err or not way
+    if way:
+        done = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json", *shlex.split(way))
+        assert f"3 rows left out by {way.split()[0]}" in done.err

@@ -31,6 +31,9 @@ Record = dict[str, Any]
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
 """Keys of images for the number of the frame in a video."""
 
+MARKS = ("iscrowd", "ignore")
+"""Keys of annotations that the benchmark leaves out."""
+
 MAX_LEVELS = 4
 """Largest depth of nested records that become columns."""
 
@@ -140,7 +143,8 @@ def _of_coco(
             place = record["image_id"]
             row: Record = {"id": track, "t": times[place], **box}
             row |= {"class": names.get(category, category), "score": record.get("score")}
-            rows.append(row | {"video_id": images[place].get("video_id")})
+            row["video_id"] = images[place].get("video_id")
+            rows.append(row | {key: record[key] for key in MARKS if key in record})
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:

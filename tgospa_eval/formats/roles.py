@@ -101,6 +101,8 @@ class Roles:
     groups : tuple of int
         Unused columns of recordings, clusters or classes, in each of which ids may be numbered from
         the beginning.
+    flags : tuple of int
+        Unused columns that may say which rows do not count, see `FLAG`.
     height : str
         Header of the left-out heights of positions on the Earth, or elevations of ranges.
     stated : dict of int to str
@@ -131,6 +133,7 @@ class Roles:
     more_ids: tuple[int, ...] = ()
     other_ids: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
+    flags: tuple[int, ...] = ()
     height: str = ""
     stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
@@ -148,8 +151,15 @@ class Roles:
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes, filters, ids and groups without another role, read as texts."""
         known = {self.id, self.time, self.klass, *self.numbers}
-        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
+        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        wanted |= {*self.groups, *self.flags}
         return tuple(sorted(wanted - known))
+
+    @property
+    def optional(self) -> set[int]:
+        """Columns that only serve to warn, whose values may be of any type."""
+        needed = {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        return {*self.groups, *self.flags} - needed
 
     @property
     def used(self) -> list[int]:
@@ -356,6 +366,14 @@ def find_roles(
             for k, name in enumerate(names)
             if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
         ),
+        flags=tuple(
+            k
+            for k, name in enumerate(names)
+            if k not in used
+            and not fixed
+            and (match := FLAG.fullmatch(name))
+            and (match["score"] is None or "truth" in (options.option.partition("_")[0], where))
+        ),
         height=height,
         options=options,
         doubts=() if named or options.boxes else tuple(mixes.doubts),
@@ -401,6 +419,12 @@ def _check_stamp(headers: Headers) -> None:
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
 """Pattern of headers of classes, in each of which ids may also be numbered from the beginning."""
+
+
+FLAG = re.compile(
+    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?visib(le|ility)", re.I
+)
+"""Pattern of headers of marks of rows that do not count (not 0), of scores and visibility (0)."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
