@@ -18,7 +18,7 @@ from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import TimeError, floats, parse_times
+from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import Conversion, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
@@ -78,10 +78,12 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
         wrong = [text for text, number in numbers.items() if number is None and text]
         if wrong:
             rows = np.flatnonzero(np.isin(values, wrong))
+            remedy = f"leave it blank, or compare texts, {column} == '{value}'"
+            if all(is_number(text, ",") for text in wrong):
+                remedy = f"write decimal points, or use {option('decimal', ',')} for all numbers"
             raise InputError(
                 f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is not a "
-                f"number as in {way}{more(len(rows))}; leave it blank, or compare texts, "
-                f"{column} == '{value}'"
+                f"number as in {way}{more(len(rows))}; {remedy}"
             )
         values = np.array([numbers[text] for text in values.tolist()], float)
     return np.asarray(compare(values, value) & ~np.isnan(values))

@@ -29,6 +29,7 @@ from functools import partial
 
 import numpy as np
 
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_number
@@ -262,15 +263,26 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     if other == delimiter or other not in text:
         return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
-    certain = False
+    grouped, certain, elsewhere = "", False, False
     with suppress(csv.Error):  # reported when all rows are read
         for row in rows:
-            for field in (row[k].strip() for k in columns if k < len(row)):
+            for k, field in enumerate(map(str.strip, row)):
                 if re.fullmatch(DECIMAL, field):
-                    if requested in field:
+                    is_clear = not re.fullmatch(GROUPED_NUMBER, field)
+                    if k not in columns:
+                        elsewhere |= is_clear and other in field
+                    elif requested in field and is_clear:
                         return roles, requested
-                    certain |= not re.fullmatch(GROUPED_NUMBER, field)
-    if not certain:
+                    elif requested in field:
+                        grouped = field
+                    else:
+                        certain |= is_clear
+    if grouped and (elsewhere or certain):
+        mark = "comma" if other == "," else "point"
+        text = f"{quoted(grouped)} may have a thousands mark: other numbers have a decimal {mark}"
+        doubt = Notice(code="thousands", text=text, remedy="write numbers without thousands marks")
+        return replace(roles, doubts=(*roles.doubts, doubt)), requested
+    if grouped or not certain:
         return roles, requested
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
     return replace(roles, passed=(*roles.passed, notice)), other
