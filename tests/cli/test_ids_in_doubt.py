@@ -212,6 +212,9 @@ def test_ids_before_frames(invoke: Invoke) -> None:
     ("header", "row", "said"),
     [
         ("t,id,x,y", "1 sec,a,2,3", "write the number alone, 1, and the unit in the header"),
+        ("1;1;10;20;30;40", "2;1;10;20;30;40", "or separate the fields by blanks and name the f"),
+        ("1,1,Car," + 14 * "0,", "", "or separate the fields by blanks and name the format"),
+        ("1,1,1.5,20", "", "or name the format (--truth-format"),
         ("t,id,x,y", "1s,a,2,3", "write the number alone, 1, and the unit in the header"),
         ("t;id;x;y", "1;a;1,234.5;3", '"1,234.5"; write it without thousands separators'),
         ("t;id;x;y", "1;a;1.000.000,5;3", "write it without thousands separators"),

@@ -141,7 +141,8 @@ def header_of(
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
-        except (InputError, csv.Error) as error:
+        except (InputError, csv.Error) as given:
+            error = _as_formats_have_it(given, delimiter, len(fields))
             # The message describes the line, unless the line is a header with other names.
             why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             if are_numbers(fields) and not foreign(line):
@@ -181,6 +182,14 @@ def header_of(
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     of_comments = faults.pop(-1, blank)
     raise next(iter(faults.values()), of_comments)
+
+
+def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Exception:
+    """Return the error; formats are only proposed with the delimiter that they have."""
+    if delimiter != ";" and not (delimiter == "," and width in KITTI_WIDTHS):
+        return error
+    way = "or separate the fields by blanks and name the"
+    return type(error)(str(error).replace("or name the", way))
 
 
 def _lines_of_units(
@@ -323,6 +332,7 @@ KITTI_RULE = (
     "KITTI tracking labels have 17, or 18 with a score: frame track_id type truncated occluded "
     "alpha left top right bottom ..."
 )
+KITTI_WIDTHS = (17, 18)
 KITTI_UNKNOWN = -1000.0
 
 
@@ -382,7 +392,7 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     InputError
         An error of `formats.read`.
     """
-    layouts = {width: KITTI_FIELDS[:width] for width in (17, 18)}
+    layouts = {width: KITTI_FIELDS[:width] for width in KITTI_WIDTHS}
     rows, texts = _read(
         path, data, options, layouts, KITTI_RULE, ("class",), given=given, commas=False
     )
@@ -444,7 +454,8 @@ def _read(
     place = f"{path}, line {first}"
     count = len(split(line)) if line else next(iter(layouts))
     if count not in layouts:
-        raise InputError(f"{place}: {counted(count, 'field')}; {rule}")
+        marks = f"; separate the fields by {'commas or ' * commas}blanks" * (count == 1)
+        raise InputError(f"{place}: {counted(count, 'field')}; {rule}{marks}")
     names = layouts[count]
     roles = replace(find_roles(names, options, place, fixed=True), unused=())
     wanted = {name: names.index(name) for name in texts if name in names}
