@@ -193,8 +193,7 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         test = "== 0" if match["mark"] else "> 0"
         if values is not rows.attributes[column]:
             test = f"== {rows.attributes[column][mask & ~off][0]}"
-        where = ask(f"{side}where", [f"{header} {test}"])
-        remedy = f"{where} leaves them out" if rows.whole else "leave them out of the file"
+        remedy = f"{ask(f'{side}where', [f'{header} {test}'])} leaves them out"
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
             yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")
@@ -416,7 +415,8 @@ def _grid(
         sides = (side,) if side else ("truth_", "estimate_")
         if form := calendar_format(timestamps):
             ways = " or ".join(option(f"{side}time_format", form) for side in sides)
-            shown = f"times such as {timestamps[0]:.15g} look like dates, and count as numbers"
+            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not of each part
+            shown = f"times{such} look like dates, and count as numbers"
             remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
             choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
     labels = None
