@@ -439,6 +439,30 @@ def test_a_spreadsheet(monkeypatch: pytest.MonkeyPatch, invoke: Invoke) -> None:
     assert "2 tables (one, two); save one as CSV" in invoke("inspect", "a.xlsx").err
 
 
+@pytest.mark.parametrize(
+    ("cell", "is_known"),
+    [
+        ('<c r="C2"><f>A2+1</f><v></v></c>', False),
+        ('<c r="C2" s="1"><f>A2+1</f><v/></c>', False),
+        ('<c r="C2"><f ca="1">A2+1</f></c>', False),
+        ('<c r="C2"><f>A2+1</f><v>3</v></c>', True),
+        ('<c r="C2" t="str"><f>A2</f><v></v></c>', True),  # a blank text
+        ('<c r="B2" s="1"/><c r="C2"><v>3</v></c>', True),
+    ],
+)
+def test_formulas_of_a_spreadsheet(
+    monkeypatch: pytest.MonkeyPatch, invoke: Invoke, cell: str, is_known: bool
+) -> None:
+    with zipfile.ZipFile("a.xlsx", "w") as file:
+        file.writestr("[Content_Types].xml", "<Types/>")
+        file.writestr("xl/worksheets/sheet1.xml", f"<sheetData><row>{cell}</row></sheetData>")
+    table = pd.DataFrame({"id": ["a"], "t": [0], "x": [None]})
+    monkeypatch.setattr(pd, "read_excel", lambda *_, **__: {"one": table})
+    answer = invoke("inspect", "a.xlsx")
+    message = "a.xlsx, cell C2: a formula without its value"
+    assert (answer.status == 3, message in answer.err) == (not is_known, not is_known)
+
+
 def test_tracks_of_napari(invoke: Invoke) -> None:
     write("gt.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("gt"))
     write("est.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("est"))

@@ -7,6 +7,7 @@ submission. Results name samples by tokens. The times and scenes of samples are 
 import io
 import json
 import os
+import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -184,6 +185,12 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
     return {key: key for key in ids}
 
 
+NO_VALUE = re.compile(
+    rb'<c r="(\w+)"(?:(?! t=)[^>])*>\s*<f\b(?:[^>]*/>|[^<]*</f>)\s*(?:<v\s*/>|<v></v>)?\s*</c>'
+)
+"""Pattern of a cell with a formula whose value no program has stored."""
+
+
 def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
     """Read the table of a spreadsheet, if openpyxl is installed.
 
@@ -195,7 +202,16 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(member.file_size for member in packed.infolist())
-        check_memory(path, TABLE * size, len(data), options.max_input, f"{size:,} bytes of Excel")
+            sheets = [name for name in packed.namelist() if name.startswith("xl/worksheets/")]
+            check_memory(
+                path, TABLE * size, len(data), options.max_input, f"{size:,} bytes of Excel"
+            )
+            unknown = next(filter(None, (NO_VALUE.search(packed.read(n)) for n in sheets)), None)
+        if unknown:
+            raise InputError(
+                f"{path}, cell {unknown[1].decode()}: a formula without its value; open the file "
+                "in a spreadsheet program and save it, or write values"
+            )
         pages = pd.read_excel(io.BytesIO(data), None, dtype=object)
     except ImportError:
         raise InputError(
