@@ -399,8 +399,8 @@ def evaluate_batch(
     done = rows[rows["status"] != "failed"] if len(rows) else rows
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
     faults = list(_faults(rows, failed, written=batch.reports))
-    told = {*data_messages(rows)}
-    notices = [note for note in tables.notes if note in told or note.startswith("warning: ")]
+    about_data = {*data_messages(rows)}
+    notices = [note for note in tables.notes if note in about_data or note.startswith("warning: ")]
     notices += _left_out(done)
     if nothing and nothing == len(done):
         faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")

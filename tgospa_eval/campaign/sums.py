@@ -285,11 +285,11 @@ def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
 
     It has the first job and the number of other jobs.
     """
-    for column, told in (("warnings", _warnings), ("notices", _notices)):
+    for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
         having = rows[rows[column].notna()] if column in rows else rows[:0]
         by_kind: dict[str, list[tuple[str, str]]] = {}
         for row in having[having[column] != "[]"].to_dict("records") if len(having) else ():
-            for kind, text in told(row).items():
+            for kind, text in texts_of(row).items():
                 by_kind.setdefault(kind, []).append((job_in_words(row), text))
         for jobs in by_kind.values():
             name, text = jobs[0]

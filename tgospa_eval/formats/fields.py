@@ -314,7 +314,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
             remedy = _reading_of(text) or "write a number or an ISO-8601 time"
             if with_unit := WITH_UNIT.fullmatch(text):
-                remedy = number_alone(with_unit[1])
+                remedy = unit_in_header(with_unit[1])
             remedy += f"; {remedy_for(text)}" if "," in text else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
@@ -392,7 +392,7 @@ THOUSANDS = re.compile(r"\s*[-+]?\d{1,3}([.,' \xa0\u202f])\d{3}(?:\1\d{3})*([.,]
 """Patterns of a number with its unit, and of a number with separators of thousands."""
 
 
-def number_alone(number: str) -> str:
+def unit_in_header(number: str) -> str:
     """Return the remedy for a number with its unit."""
     return f"write the number alone, {number}, and the unit in the header"
 
@@ -412,7 +412,7 @@ def remedy_for(text: str) -> str:
         sign = "-" if with_words[2] in "SWsw" else ""
         return f"write degrees north and east, {sign}{with_words[1]}"
     if with_words:
-        return number_alone(with_words[1])
+        return unit_in_header(with_words[1])
     if "," in text and text.count(",") == 1:
         return f"use a decimal point, or {option('decimal', ',')}"
     if "." in text or "," in text:

@@ -202,11 +202,11 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(member.file_size for member in packed.infolist())
-            sheets = [name for name in packed.namelist() if name.startswith("xl/worksheets/")]
+            members = [name for name in packed.namelist() if name.startswith("xl/worksheets/")]
             check_memory(
                 path, TABLE * size, len(data), options.max_input, f"{size:,} bytes of Excel"
             )
-            unknown = next(filter(None, (NO_VALUE.search(packed.read(n)) for n in sheets)), None)
+            unknown = next(filter(None, (NO_VALUE.search(packed.read(n)) for n in members)), None)
         if unknown:
             raise InputError(
                 f"{path}, cell {unknown[1].decode()}: a formula without its value; open the file "

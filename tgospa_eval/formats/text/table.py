@@ -168,11 +168,12 @@ def header_of(
         below = 0  # wide tables have no lines of units
         if not wide:
             below, begin = _lines_of_units(text, start, len(names), delimiter, roles)
-            lines = itertools.islice(lines_of(text, start), below)
-            words = (
-                enumerate(f"in {field}" for field in _fields(line, delimiter)) for line in lines
-            )
-            stated = {k: unit for line in words for k, text in line if (unit := unit_of(text))}
+            stated = {
+                k: unit
+                for line in itertools.islice(lines_of(text, start), below)
+                for k, field in enumerate(_fields(line, delimiter))
+                if (unit := unit_of(f"in {field}"))
+            }
             roles, start = replace(roles, stated=stated), begin
         if below:
             lines = counted(below, "line")
