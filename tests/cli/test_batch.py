@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+import pandas as pd
 import pytest
 from answer import Invoke
 from checkout import SAMPLES
@@ -131,6 +132,26 @@ def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
     answer = batch(invoke, "--allow-missing")
     assert answer.status == 0
     assert "6 jobs of 7 done before" in answer.err
+
+
+def test_notices_about_files_are_told_once(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for k in (1, 2, 3):
+        Path(f"t{k}.csv").write_text("id;t;x\na;1;0,5\na;2;1,5\n" + "b;2;\n" * k, encoding="utf-8")
+        Path(f"e{k}.csv").write_text("id,t,x\n7,1,0\n7,2,1\n", encoding="utf-8")
+    given = ("batch", "--truth", "t{run}.csv", "--estimate", "e{run}.csv", "-o", "out", "-c", "9")
+    answer = invoke(*given, "--on-duplicate", "first", "--workers", "1")
+    told = "run=1 and 2 more of 3 jobs: truth: read with a decimal comma, as its numbers have it"
+    for text in (answer.err, Path("out/report.html").read_text(encoding="utf-8")):
+        assert text.count(told) == 1
+        assert "truth: 1 row with a blank or NaN position: absent at that step" in text
+    assert told in json.loads(invoke("batch", "report", "out", "--format", "json").out)["notes"]
+    for part in (tmp_path / "out" / "jobs").glob("*.parquet"):  # an older store has no notices
+        pd.read_parquet(part).drop(columns="notices").to_parquet(part)
+    answer = invoke("batch", "report", "out")
+    assert (answer.status, "decimal comma" in answer.out) == (0, False)
 
 
 def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:

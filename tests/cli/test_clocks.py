@@ -239,3 +239,24 @@ def test_steps_that_count_from_another_number_are_told() -> None:
         warnings.simplefilter("error")
         for steps in ("0:3", "1:2", "0:9"):
             evaluate(truth, truth + 0.1, **METRIC, steps=steps)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "form"),
+    [
+        (["20260301120058", "20260301120059", "20260301120100"], "%Y%m%d%H%M%S"),
+        (["20260301120058.5", "20260301120059.5", "20260301120100.5"], "%Y%m%d%H%M%S.%f"),
+        (["20260227", "20260228", "20260301"], "%Y%m%d"),
+        (["20260227", "20260228", "20260229"], ""),  # no such day
+        (["1743674400000", "1743674410500", "1743674411000"], ""),
+    ],
+)
+def test_dates_that_are_numbers(invoke: Invoke, stamps: list[str], form: str) -> None:
+    Path("d.csv").write_text("id,t,x\n" + "".join(f"a,{t},0\n" for t in stamps), encoding="utf-8")
+    ways = [f"--{side}-time-format {form}" for side in ("truth", "estimate")]
+    answer = invoke("d.csv", "d.csv", "--format", "json")
+    assert all((way in answer.err) is bool(form) for way in ways), answer.err
+    if form:
+        answer = invoke("d.csv", "d.csv", *" ".join(ways).split(), "--format", "json")
+        assert (answer.status, "look like dates" in answer.err) == (0, False)
+        assert json.loads(answer.out)["counts"]["missed"] == 0

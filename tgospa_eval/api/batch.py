@@ -31,7 +31,7 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.sums import check_labels, data_warnings, rms_curves, tabulated
+from tgospa_eval.campaign.sums import check_labels, data_messages, rms_curves, tabulated
 from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
@@ -399,7 +399,9 @@ def evaluate_batch(
     done = rows[rows["status"] != "failed"] if len(rows) else rows
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
     faults = list(_faults(rows, failed, written=batch.reports))
-    notices = [*(note for note in tables.notes if note.startswith("warning: ")), *_left_out(done)]
+    about_data = {*data_messages(rows)}
+    notices = [note for note in tables.notes if note in about_data or note.startswith("warning: ")]
+    notices += _left_out(done)
     if nothing and nothing == len(done):
         faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
     elif nothing and not faults:
@@ -730,7 +732,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
     settings = store.settings()
     used = settings.get("settings_file")
     notes = (
-        *data_warnings(rows),
+        *data_messages(rows),
         *(note for note in tables.notes if requested or note.startswith("warning: ")),
         *curve_notes,
         *([str(SettingsFile(**used))] if used else ()),

@@ -333,8 +333,8 @@ class Request(Values):
     )
     class_: str | None = _filters(
         "--class A[,B]",
-        "Only rows of these classes, in each file that has classes. Upper and lower case are "
-        "alike unless both occur.",
+        "Only rows of these classes, in each file that has classes. Upper and lower case, and 1 "
+        "and 01, are alike unless both occur.",
     )
     truth_class: str | None = _one_side(_filters, "--truth-class A[,B]")
     estimate_class: str | None = _one_side(_filters, "--estimate-class A[,B]")

@@ -88,6 +88,7 @@ def row_to_judge(result: Evaluation) -> Row:
         "status": "done" if result.finished else "open",
         "message": str(result.solver["status"]),
         "warnings": json.dumps([notice.record() for notice in result.warnings]),
+        "notices": json.dumps(result.notices),
         "version": result.version,
     }
 
@@ -171,7 +172,7 @@ OF_VALUES: dict[str, FieldKind] = {
 
 OF_SOME: dict[str, FieldKind] = {
     **dict.fromkeys((*SPLIT_PARTS, NEES), or_null(COST)),
-    **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written"), or_null(TEXT)),
+    **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written", "notices"), or_null(TEXT)),
     "per_step.rows": or_null(COUNT),
     "per_step.curve": or_null(FLAG),
     "iterations": or_null(COUNT),
@@ -200,6 +201,7 @@ AS_JSON = {
     "options": {...: TEXT},
     "parameters": saved.PARAMETERS,
     "warnings": [saved.NOTICE],
+    "notices": [TEXT],
     STORED_NEES: saved.NEES_SUMS,
     STORED_SLICES: [saved.SLICING],
 }

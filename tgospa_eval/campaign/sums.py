@@ -10,6 +10,7 @@ The bounds of a sum are the sums of the bounds.
 """
 
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -36,6 +37,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
+from tgospa_eval.formats.options import ROLES
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES
@@ -278,20 +280,43 @@ def _expected(
     return np.maximum(alike, counts)
 
 
-def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a line for each kind of data warning: the first job, and the number of other jobs."""
-    if "warnings" not in rows:
-        return
-    by_code: dict[str, list[tuple[str, Notice]]] = {}
-    having = rows[rows["warnings"].notna()]
-    for row in having[having["warnings"] != "[]"].to_dict("records"):
-        notices = {record["code"]: Notice(**record) for record in json.loads(row["warnings"])[::-1]}
-        for code, notice in notices.items():
-            by_code.setdefault(code, []).append((job_in_words(row), notice))
-    for jobs in by_code.values():
-        name, notice = jobs[0]
-        rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
-        yield f"warning: {name}{rest if len(jobs) > 1 else ''}: {notice.sentence}"
+def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
+    """Yield a line for each kind of warning about the data, then for each kind of notice.
+
+    It has the first job and the number of other jobs.
+    """
+    for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
+        having = rows[rows[column].notna()] if column in rows else rows[:0]
+        by_kind: dict[str, list[tuple[str, str]]] = {}
+        for row in having[having[column] != "[]"].to_dict("records") if len(having) else ():
+            for kind, text in texts_of(row).items():
+                by_kind.setdefault(kind, []).append((job_in_words(row), text))
+        for jobs in by_kind.values():
+            name, text = jobs[0]
+            rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
+            mark = "warning: " * (column == "warnings")
+            yield f"{mark}{name}{rest if len(jobs) > 1 else ''}: {text}"
+
+
+def _warnings(row: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the warnings of a job by code; the first of several is returned."""
+    records = json.loads(row["warnings"])[::-1]
+    return {record["code"]: Notice(**record).sentence for record in records}
+
+
+def _notices(row: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the notices about the files of a job, by their text without numbers."""
+    notices: dict[str, str] = {}
+    for text in json.loads(row["notices"]):
+        for role in ROLES:
+            _, path, said = text.partition(f"{row[role]}: ")
+            if path and not said.startswith(BATCH_SAYS):
+                notices.setdefault(f"{role} {re.sub('[0-9]+', '', said)}", f"{role}: {said}")
+    return notices
+
+
+BATCH_SAYS = "boxes are compared by their centres"
+"""Beginning of a notice that a batch prints once."""
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:

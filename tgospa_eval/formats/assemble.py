@@ -17,8 +17,9 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
-from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
+from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
+from tgospa_eval.formats.roles import FLAG
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
@@ -92,6 +93,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         rows = _ids_of_classes(rows, step, choice.mask)
         track_ids, track = rows.ids
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    flagged = list(_about_flags(rows, state, choice.mask))
+    choice.warnings += [notice for notice in flagged if notice.code]
+    choice.notices += [notice.text for notice in flagged if not notice.code]
     particles = None
     if roles.weight is not None:
         from tgospa_eval.formats.particles import gather  # lazy: most states are points
@@ -158,6 +162,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
         height=roles.height,
+        units=roles.units,
         regions=_regions(rows, state) if options.regions else None,
     )
 
@@ -173,6 +178,35 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
         return rows
     both = named_ids([Coded(names.tolist(), number), Coded(classes.tolist(), klass)])
     return replace(rows, ids=both)
+
+
+def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
+    """Yield notices about rows that count although a column that is not used may exclude them."""
+    roles = rows.roles
+    side = roles.options.option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+    for column in roles.flags:
+        values, header = rows.attributes.get(column), roles.headers[column]
+        match = FLAG.fullmatch(header)
+        if match is None or values is None:
+            continue
+        if values.dtype == object:  # True and False
+            names = {"true": 1.0, "false": 0.0}
+            values = np.array([names.get(str(one).casefold(), np.nan) for one in values.tolist()])
+        off = mask & ((values == 0) != bool(match["mark"])) & (values == values)
+        at = np.flatnonzero(off)
+        if not 0 < len(at) < np.count_nonzero(mask):
+            continue
+        test = "== 0" if match["mark"] else "> 0"
+        if values is not rows.attributes[column]:
+            test = f"== {rows.attributes[column][mask & ~off][0]}"
+        remedy = f"{ask(f'{side}where', [f'{header} {test}'])} leaves them out"
+        if match["mark"] or match["score"]:
+            flag = "not 0" if match["mark"] else "0"
+            yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")
+        elif len(at) > 1 and (off == mask & (state == state[at[0]]).all(axis=1)).all():
+            place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
+            text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
+            yield Notice(code="not-visible", text=text, remedy=remedy)
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
@@ -396,6 +430,17 @@ def _grid(
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
+    if times.clock == "number" and len(timestamps) and timestamps[0] > 1.9e7:
+        from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
+
+        side = options.option.rpartition("columns")[0]
+        sides = (side,) if side else ("truth_", "estimate_")
+        if form := calendar_format(timestamps):
+            ways = " or ".join(option(f"{side}time_format", form) for side in sides)
+            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not of each part
+            shown = f"times{such} look like dates, and count as numbers"
+            remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
+            choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
     labels = None
     if times.text is not None:
         labels = np.empty(len(timestamps), dtype=object)

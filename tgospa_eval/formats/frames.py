@@ -7,7 +7,7 @@ files of DeepLabCut.
 import csv
 import datetime
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -143,6 +143,10 @@ def frame_rows(
             f"{where(int(blank[0]))}, column {quoted(header)}: blank id{more(len(blank))}; "
             f"{name_objects()}"
         )
+    attributes = {}
+    for column in roles.texts:
+        with suppress(InputError) if column in roles.optional else nullcontext():
+            attributes[column] = attribute(column)
     return Rows(
         name=name,
         roles=roles,
@@ -151,7 +155,7 @@ def frame_rows(
         numbers=states,
         where=where,
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
-        attributes={column: attribute(column) for column in roles.texts},
+        attributes=attributes,
         weight_fault=weight_fault,
         excluded=without_ids(ids),
     )

@@ -233,10 +233,20 @@ HEADER_ALIASES = {
 """Aliases of each column; case, blanks, punctuation and a unit at the end do not matter."""
 
 METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
-LENGTHS = (
-    *(*METRES, "px", "pixel", "pixels", "cm", "mm", "um", "µm", "μm", "nm"),
-    *("micron", "microns", "micrometer", "micrometers", "in", "inch", "inches"),
-)
+MICRONS = ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometers")
+LENGTHS = {
+    **dict.fromkeys(METRES, 1.0),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), 1e3),
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "nm": 1e-9,
+    **dict.fromkeys(MICRONS, 1e-6),
+    **dict.fromkeys(("px", "pixel", "pixels"), 0.0),
+}
+"""Metres of each unit of length; 0 for pixels, which have no fixed length."""
+
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
     *("nanoseconds", "microseconds", "milliseconds", "utc", "unix", "frame", "frames"),
@@ -250,6 +260,12 @@ FRACTIONS = {
 """Last words of the headers of fractions of a second, and the decimal places of the fractions."""
 
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
+ANGLES = {
+    **dict.fromkeys(DEGREES, 1.0),
+    **dict.fromkeys(("rad", "rads", "radians"), 57.295779513082323),
+}
+"""Degrees of each unit of angles."""
+
 UNITS = {
     "t": TIMES,
     **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
@@ -506,6 +522,12 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
         yield _joined(within[1]), within[2].strip().casefold()
     elif len(words) > 1:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
+
+
+def unit_of(text: str) -> str:
+    """Return the unit of length or angle at the end of a header or text; blank if there is none."""
+    units = (unit for key, unit in _keys(text) if unit in LENGTHS or unit in ANGLES)
+    return next(units, "")
 
 
 DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"

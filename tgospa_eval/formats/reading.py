@@ -17,6 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
+from tgospa_eval.formats.headers import ANGLES, LENGTHS
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import unsigned_zeros, whole
@@ -160,6 +161,8 @@ class Reading:
         Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
         Header of heights or elevations that are not part of the states; blank if there are none.
+    units : dict of str to str
+        Units that the file states for its positions, such as ``m``, by the name of the state.
     regions : Regions, optional
         Boxes of the file that mark regions without evaluation instead of objects, if
         `ReadOptions.regions` is set.
@@ -182,6 +185,7 @@ class Reading:
     idle: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     height: str = ""
+    units: dict[str, str] = field(default_factory=dict)
     regions: Regions | None = None
 
     @property
@@ -380,6 +384,32 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
     return (side, sides[1]) if k == 0 else (sides[0], side)
 
 
+def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
+    """Return the estimate with its classes as the truth writes them, and notices about classes."""
+    classes, notices, there = [], [], truth.classes
+    for name in estimate.classes:
+        match = class_named(name, there) or name
+        is_only = sum(is_alike(match, other) for other in estimate.classes) == 1
+        if match != name:
+            way = "read as" if is_only else "as written, another class than"
+            notices.append(f"class {quoted(name)} is {way} {quoted(match)}")
+        classes.append(match if is_only else name)
+    own, lost = ([*filter(None, {*a} - {*b})] for a, b in ((classes, there), (there, classes)))
+    warnings = estimate.warnings
+    if own and lost and {*classes}.isdisjoint(there):
+        text = f"its classes {listed(sorted(own))} are not in the truth, which has "
+        text += listed(sorted(lost))
+        remedy = f"write classes alike in both files, or leave out {option('by', 'class')}"
+        warnings += (Notice(code="classes-differ", text=text, remedy=remedy),)
+    elif own and lost:
+        notices.append(
+            f"no {listed(sorted(own))} in the truth, and no {listed(sorted(lost))} here: states of "
+            "different classes are never matched"
+        )
+    said = (*estimate.notices, *notices)
+    return replace(estimate, classes=tuple(classes), notices=said, warnings=warnings)
+
+
 def check_heights(headers: Sequence[str], distance: str) -> None:
     """Check that the distance supports heights, which both sides have under these headers.
 
@@ -415,6 +445,45 @@ def left_out_heights(
         remedy=f"if heights do not count, {option(options.option or 'columns', ','.join(columns))} "
         "leaves them out without a warning",
     )
+
+
+def check_units(
+    sides: Sequence[Reading], paths: Sequence[str], scaled: Callable[[int, str], bool]
+) -> None:
+    """Check that the sides state the same units; `scaled` says which columns have a factor.
+
+    Raises
+    ------
+    ConfigError
+        Two columns of the same quantity, or two lengths, have different units.
+    """
+    for sizes in (LENGTHS, ANGLES):
+        stated = [
+            (k, name, unit, sizes[unit])
+            for k, side in enumerate(sides)
+            for name, unit in side.units.items()
+            if unit in sizes and not scaled(k, name)
+        ]
+        for k, name, unit, size in stated:
+            first, column, known, base = next(
+                one for one in stated if one[1] == name or (one[3] and size)
+            )
+            if size == base:
+                continue
+            remedy = "write both in one unit"
+            if size and base:
+                factors = [
+                    [(n, s / base) for i, n, _, s in stated if i == j] for j in range(len(ROLES))
+                ]
+                given = (
+                    ",".join(f"{n}={f:.12g}" for n, f in one if f not in (0, 1)) for one in factors
+                )
+                ways = [option(f"{r}_scale", x) for r, x in zip(ROLES, given, strict=True) if x]
+                remedy = f"use {' and '.join(ways)}"
+            raise ConfigError(
+                f"{paths[k]}: {name} is in {unit}, but {column} of {paths[first]} is in {known}; "
+                f"{remedy}"
+            )
 
 
 def check_classes(

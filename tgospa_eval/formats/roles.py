@@ -42,6 +42,7 @@ from tgospa_eval.formats.headers import (
     parse_columns,
     shared_columns,
     two_parts_of_a_stamp,
+    unit_of,
     without_maps,
     words_of,
 )
@@ -99,9 +100,13 @@ class Roles:
         Unused headers that may be ids.
     groups : tuple of int
         Unused columns of recordings, clusters or classes; ids may restart in each of these.
+    flags : tuple of int
+        Unused columns that may say which rows do not count, see `FLAG`.
     height : str
         Header of a column that is left out: heights of positions on the Earth, or elevations of
         positions by range and bearing.
+    stated : dict of int to str
+        Units below the headers, by column.
     options : ReadOptions
         Options of reading.
     """
@@ -128,7 +133,9 @@ class Roles:
     more_ids: tuple[int, ...] = ()
     other_ids: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
+    flags: tuple[int, ...] = ()
     height: str = ""
+    stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
 
     @cached_property
@@ -144,8 +151,15 @@ class Roles:
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes, filters, further parts of ids, and groups not read otherwise."""
         known = {self.id, self.time, self.klass, *self.numbers}
-        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
+        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        wanted |= {*self.groups, *self.flags}
         return tuple(sorted(wanted - known))
+
+    @property
+    def optional(self) -> set[int]:
+        """Columns that only serve to warn, whose values may be of any type."""
+        needed = {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        return {*self.groups, *self.flags} - needed
 
     @property
     def used(self) -> list[int]:
@@ -162,6 +176,13 @@ class Roles:
         return (
             0 if self.second is None else FRACTIONS.get(words_of(self.headers[self.second])[-1], 0)
         )
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units that headers, or a line below them, state, by the name of the state."""
+        columns = zip(self.names, (mix[0][0] for mix in self.state), strict=True)
+        units = {n: self.stated.get(k) or unit_of(self.headers[k]) for n, k in columns}
+        return {} if self.fixed else {name: unit for name, unit in units.items() if unit}
 
     @property
     def named(self) -> dict[str, str]:
@@ -354,6 +375,14 @@ def find_roles(
             for k, name in enumerate(names)
             if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
         ),
+        flags=tuple(
+            k
+            for k, name in enumerate(names)
+            if k not in used
+            and not fixed
+            and (match := FLAG.fullmatch(name))
+            and (match["score"] is None or "truth" in (options.option.partition("_")[0], where))
+        ),
         height=height,
         options=options,
         doubts=() if named or options.boxes else tuple(mixes.doubts),
@@ -402,6 +431,12 @@ def _check_stamp(headers: Headers) -> None:
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
 """Pattern of headers of classes; as in groups, ids may restart in each class."""
+
+
+FLAG = re.compile(
+    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?visib(le|ility)", re.I
+)
+"""Pattern of headers of marks of rows that do not count (not 0), of scores and visibility (0)."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:

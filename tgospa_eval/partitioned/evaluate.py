@@ -17,7 +17,13 @@ from tgospa_eval.distances.base import check_columns
 from tgospa_eval.engines import Engine, PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
-from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
+from tgospa_eval.evaluation.diagnosis import (
+    alignment_notices,
+    axis_notices,
+    default_notice,
+    diagnose,
+    explained,
+)
 from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.memory import Share
 from tgospa_eval.evaluation.prepare import digest_of_evaluated, fit, recorded_settings
@@ -95,6 +101,7 @@ class SideSummary(Reading):
             rows=side.steps.rows,
             format=side.format,
             missing=side.roles.missing,
+            units=side.roles.units,
             left_out=dict(left_out),
             named=tuple(side.steps.classes),
             at_steps=sum(block["at_steps"] for block in blocks),
@@ -480,6 +487,10 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     else:  # faults of clocks show only in original timestamps
         sides = fit(truth, estimate, request, names)
     warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
+    if request.defaults:
+        on = sides.alignment, sides.distance, request.parameters, request.defaults
+        default = default_notice(*on, is_explained=explained(warnings))
+        warnings = [*warnings, *([default] if default.code else [])]
     shown = grid.truth.shown
     return notices + [
         notice.about(f"from step {shown[first]} to {shown[last]}") for notice in warnings
