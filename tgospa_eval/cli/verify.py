@@ -231,8 +231,6 @@ def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "PreparedPair":
     """Return the problem that an evaluation of these files with these options would solve."""
-    from dataclasses import replace
-
     from tgospa_eval.api.keywords import requested
     from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request
@@ -250,5 +248,5 @@ def _prepared(
     fitted, request = align_sides(resolved, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
-        fitted = fit(truth, estimate, replace(request, distance=fitted.distance))
+        fitted = fit(truth, estimate, fitted.of_parts(request))
     return prepare(fitted, request, stopwatch=stopwatch)
