@@ -948,7 +948,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             names = listed(ranking.left_out, table_text.MAX_NAMED)
             yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
-    yield from _periods(tables)
+    yield from about_periods(tables)
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
         yield f"by {option('preprocess', name)} boxes {done}"
@@ -956,7 +956,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     yield from about_slices_of(tables)
 
 
-def _periods(tables: BatchTables) -> Iterator[str]:
+def about_periods(tables: BatchTables) -> Iterator[str]:
     """Yield the periods of the reports of each group."""
     if "parameters" in tables.rows:
         keys = [*(f"label.{name}" for name in tables.by), *tables.parameters, "_all"]

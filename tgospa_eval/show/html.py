@@ -459,4 +459,5 @@ def _settings(tables: batch.BatchTables) -> dict[str, str]:
             settings[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
             settings[name] = "different between jobs"
+    settings |= dict(text.split(": ", 1) for text in batch.about_periods(tables))
     return {str(k): str(v) for k, v in tables.settings["options"].items()} | settings

@@ -120,6 +120,7 @@ def test_periods_stand_with_their_estimates(write: Write, save: Save, invoke: In
     write("m.csv", "truth,estimate,tracker\nt.csv,a.csv,a\nt.csv,b.csv,b\n")
     folder = ("m.csv", "-c", "5", "-g", "1", *clock, "--by", "tracker", "-q", "-o", "store")
     assert "clock: a 1, b 2" in " ".join(invoke("batch", *folder).out.split())
+    assert ">a 1, b 2<" in Path("store/report.html").read_text(encoding="utf-8")
     save("one", f"id,t,x\n{rows}", *clock, "--period", "1", truth=truth)
     save("two", f"id,t,x\n{rows}", *clock, "--period", "2", truth=truth)
     found = ranking(invoke, "one", "two")  # the same data, and both values are right
