@@ -9,7 +9,6 @@ from typing import cast
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.quoting import visible
 from tgospa_eval.results.evaluation import Evaluation
-from tgospa_eval.results.saved import of_metric
 
 TOOL, METRIC = "tgospa-eval", "garciafernandez2020metric"
 
@@ -95,6 +94,8 @@ def _data(result: Evaluation) -> str:
 
 def _options(result: Evaluation) -> Iterator[str]:
     """Yield sentences on further options that change the number, and on rows left out."""
+    from tgospa_eval.results.saved import of_metric  # lazy: imports json, few need it
+
     clauses = []
     for name, value in of_metric(result.parameters).items():
         if name in SAID or value in (None, False, 0, "error", []):
