@@ -58,9 +58,9 @@ def diagnose(
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
-    read, reports = sides.read, sides.alignment.reports
-    if reports is not None:  # a report may hold at several steps
-        read = read[0], reports.estimate.chosen(np.unique(reports.row))
+    read, held = sides.read, sides.alignment.reports
+    if held is not None:  # a report may hold at several steps
+        read = read[0], held.estimate.chosen(np.unique(held.row))
     warnings = side_warnings(read)
     clock = clock_warnings(sides, request, sample)
     warnings += clock
@@ -220,9 +220,9 @@ def steps_of(aligned: Alignment, matching: TimeMatching) -> dict[str, int]:
     """
     steps = {"union": aligned.union, "common": aligned.common, "counted": len(aligned.truth.times)}
     if matching.decided or matching.interpolate:
-        own = [np.unique(side.step) for side in (aligned.truth, aligned.estimate)]
-        steps |= {"truth": len(own[0]), "estimate": len(own[1])}
-        steps["common"] = int(np.isin(*own).sum())
+        truth, estimate = (np.unique(side.step) for side in (aligned.truth, aligned.estimate))
+        steps |= {"truth": len(truth), "estimate": len(estimate)}
+        steps["common"] = int(np.isin(truth, estimate).sum())
     return steps
 
 
