@@ -58,9 +58,9 @@ def diagnose(
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
-    read, held = sides.read, sides.alignment.reports
-    if held is not None:  # a report may hold at several steps
-        read = read[0], held.estimate.chosen(np.unique(held.row))
+    read, on_clock = sides.read, sides.alignment.reports
+    if on_clock is not None:  # a report may hold at several steps
+        read = read[0], on_clock.estimate.chosen(np.unique(on_clock.row))
     warnings = side_warnings(read)
     clock = clock_warnings(sides, request, sample)
     warnings += clock
