@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval._version import __version__ as __version__
 from tgospa_eval.common.registry import lazy
 
-if TYPE_CHECKING:  # with `as`, which makes a name public
+if TYPE_CHECKING:  # `as` makes a name public for type checkers
     from tgospa_eval.api.batch import batch as batch
     from tgospa_eval.api.compare import compare as compare
     from tgospa_eval.api.compare import sweep as sweep

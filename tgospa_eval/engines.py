@@ -1,9 +1,9 @@
 """Engines that do jobs in chunks, and try jobs of dead workers again.
 
-An engine opens pools of workers, and jobs are submitted to a pool. `Processes` are workers of this
-machine (loky, from joblib). A `Cluster` has the workers of an existing Dask scheduler; errors and
-output of Dask stay in this module. `call_in_helper` uses one more process, for compiled code that
-damaged data may crash.
+An engine opens pools of workers, and jobs are submitted to a pool. With the engine `Processes`, the
+workers are processes of this machine (loky, from joblib). With `Cluster`, they are the workers of
+an existing Dask scheduler. `call_in_helper` uses one more process, for compiled code that damaged
+data may crash.
 """
 
 import atexit
@@ -37,21 +37,23 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 CHUNK_SECONDS = 1.0
-"""Seconds after which a worker returns its finished answers and gives back other jobs."""
+"""Seconds after which a worker returns the finished answers of its chunk. The other jobs of the
+chunk are submitted again later."""
 
 POLL = 1.0
-"""Seconds between checks of a pool without answers."""
+"""Seconds without an answer after which a pool is checked by `Pool.poll`."""
 
 CHUNKS_AHEAD = 4
-"""Remaining jobs are divided into this number of chunks for each worker, so chunks shrink."""
+"""Number of chunks for each worker into which the remaining jobs are divided. So chunks become
+smaller towards the end."""
 
 
 class DiedError(Exception):
-    """Error that the process of a job died, or each of several processes that tried it."""
+    """Error that all processes died that tried a job: one, or several on a cluster."""
 
 
 class Future(Protocol):
-    """Future of an engine."""
+    """Answer of a pool that is not yet there."""
 
     def add_done_callback(self, function: Callable[[Any], object], /) -> object:
         """Call a function with this future when it has ended."""
@@ -78,25 +80,29 @@ class Pool(Protocol):
 
 
 class Engine(Protocol):
-    """Opener of pools that do jobs."""
+    """Source of workers, in pools."""
 
     def open(self, max_workers: int) -> AbstractContextManager[Pool]:
-        """Yield a pool with at most `max_workers`; an exception in the block ends its work."""
+        """Yield a new pool. An exception in the block ends the work of the pool.
+
+        The number of workers is at most `max_workers`, unless they exist already.
+        """
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""Settings of the attempts at a job: largest number of jobs in a chunk; number of chunks that each
-worker has; whether the job runs alone. If a worker dies, jobs of all its chunks are tried again in
-smaller groups, to find the job that caused the death."""
+"""Settings of the first, second and third attempt at a job. Each has the largest number of jobs in
+a chunk, the number of chunks that each worker has at once, and whether only one job runs at a time.
+If a worker dies, all jobs that it may have run are tried again by the next settings. So the job
+that kills its worker is identified."""
 
 
 def spread(
     work: Callable[[J], R], jobs: Sequence[J], lost: Callable[[J], R], engine: Engine
 ) -> Generator[R, None, None]:
-    """Do the jobs, and yield answers as they are ready.
+    """Call `work` for each job in a worker, and yield the answers as they are ready.
 
-    Jobs of a worker that died are tried again by the rules of `ATTEMPTS`. If a worker dies while no
-    other job runs, its job gets the answer of `lost`.
+    If a worker dies, its jobs are tried again by the rules of `ATTEMPTS`. If a job kills its worker
+    although no other job runs, its answer is that of `lost`.
     """
     left: Sequence[J] = jobs
     for chunk_size, ahead, separate in ATTEMPTS:
@@ -111,7 +117,7 @@ def spread(
 
 
 def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
-    """Return the answers of the first jobs of a chunk: at least one, for about `CHUNK_SECONDS`."""
+    """Do at least one job of a chunk, stop after `CHUNK_SECONDS`, and return the answers."""
     until = time.monotonic() + CHUNK_SECONDS
     answers = []
     for job in chunk:
@@ -130,7 +136,11 @@ def _until_one_dies(
     ahead: int,
     separate: bool,
 ) -> Iterator[R]:
-    """Yield answers of waiting jobs until a worker dies or no job is left."""
+    """Yield answers of `waiting` jobs until a worker dies or no job is left.
+
+    Jobs that may have killed the worker are moved to `suspects`. The last three parameters are as
+    in `ATTEMPTS`.
+    """
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
     broken = False
@@ -160,7 +170,7 @@ def _until_one_dies(
 
 
 def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
-    """Yield the finished futures: at least one, or none after a while."""
+    """Wait for at least one finished future and yield all; after `POLL` seconds yield none."""
     try:
         yield ended.get(timeout=POLL)
     except queue.Empty:
@@ -174,20 +184,20 @@ def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
 # Worker processes on this machine: loky, as joblib brings it.
 
 PARENT_CHECK = 1.0
-"""Seconds between checks that the parent process exists."""
+"""Seconds between checks of a worker that its parent process exists."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Settings of linear algebra libraries before they are loaded."""
+"""Environment of a worker, in which libraries of linear algebra use one thread."""
 
 
 class Processes:
-    """Processes of this machine.
+    """Engine whose workers are processes of this machine.
 
     Parameters
     ----------
     number : int, optional
-        Number of processes; by default the number of cores. Each process may use its share of
-        the available memory.
+        Number of processes; by default the number of cores. Each process can use at most the
+        available memory divided by this number.
     """
 
     def __init__(self, number: int | None = None) -> None:
@@ -195,10 +205,10 @@ class Processes:
 
     @contextmanager
     def open(self, max_workers: int) -> Iterator["Local"]:
-        """Yield processes that end at once when the work is interrupted."""
+        """Yield a pool of processes, which are killed if the block raises an exception."""
         from joblib.externals.loky import ProcessPoolExecutor  # lazy: slow to import
 
-        # The process that tracks the locks of a pool would complain if the pool ends early.
+        # If the processes are killed, the resource tracker of Python would warn of leaked locks.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         _begin_trackers()
         number = max(1, min(self.number or cores(), max_workers))
@@ -216,7 +226,7 @@ class Processes:
 
 
 def engine_of(scheduler: str | None, number: int | None) -> Engine:
-    """Return the workers of a scheduler, if an address is given, else processes of this machine."""
+    """Return a `Cluster` if the address of a scheduler is given, else `number` processes."""
     return Cluster(scheduler) if scheduler else Processes(number)
 
 
@@ -231,18 +241,18 @@ class Local:
         return self.number
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
-        """Have a function called."""
+        """Call a function in one of the processes."""
         with self._reported_when_dead(), uninterrupted():
             future: Future = self.pool.submit(on_surface, surface.get(), function, *arguments)
             return future
 
     def answer(self, future: Any) -> Any:
-        """Return the answer."""
+        """Return the answer of a finished future, or raise `DiedError`."""
         with self._reported_when_dead():
             return future.result()
 
     def poll(self) -> None:
-        """Do nothing: the death of a process ends its futures."""
+        """Do nothing: if a process dies, all futures of the pool end, so no check is needed."""
 
     @contextmanager
     def _reported_when_dead(self) -> Iterator[None]:
@@ -256,7 +266,10 @@ class Local:
 
 
 def _begin_trackers() -> None:
-    """Begin the helper processes of loky first, as Python up to 3.13 lets Ctrl-C through then."""
+    """Start Python's resource tracker before a block of `uninterrupted` would start it.
+
+    The start ends the delay of Ctrl-C in Python up to 3.13.
+    """
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
 
@@ -265,7 +278,10 @@ def _begin_trackers() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C; processes that begin in the block ignore it, as their parent handles it."""
+    """Delay Ctrl-C to the end of the block.
+
+    Processes that are started in the block always ignore Ctrl-C: their parent handles it.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
         return
@@ -277,15 +293,16 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _begin(share: int | None, parent: int) -> None:
-    """Limit a worker to its share of the memory, and end it together with its parent.
+    """Limit a new worker to `share` bytes of memory, and let it end when its parent ends.
 
-    The id of the parent is an argument, because the parent may have ended already.
+    `parent` is the id of the parent process. The worker cannot ask for it, because its parent may
+    have ended already.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
 
-    # Loky considers a growth by 0.3 GB a leak, but large jobs need it, and `share` limits memory.
-    # If a version of loky has no such number, this has no effect.
+    # Loky ends a worker that has grown by 0.3 GB. Large jobs need more, and `share` limits them.
+    # In a version of loky without this number, the line has no effect.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     limit_memory(share)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -296,7 +313,7 @@ def limit_memory(share: int | None) -> None:
     if share is not None and sys.platform == "linux":
         import resource
 
-        # This limits memory that can be written; address space includes memory only reserved.
+        # RLIMIT_DATA counts memory that can be written. RLIMIT_AS would also count reserved memory.
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if hard == resource.RLIM_INFINITY or share < hard:
             with suppress(ValueError, OSError):  # another program may have set a lower limit
@@ -310,7 +327,7 @@ def _watch(parent: int) -> None:
 
 
 # -------------------------------------------------------------------------------------------------
-# Workers that are kept from one list of jobs to the next, because a start takes a second each.
+# Workers that are kept for several lists of jobs, because each start of workers takes a second.
 
 
 class PersistentPool:
@@ -323,10 +340,10 @@ class PersistentPool:
     engine : Engine
         Engine that opens the pools.
     max_workers : int
-        Requested number of workers.
+        Largest number of workers in each pool.
     patience : float
-        Seconds of work that the caller does itself before workers start. Shorter work ends without
-        workers.
+        Seconds for which the caller works itself before it opens the pool. So short work ends
+        without workers.
     """
 
     def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
@@ -346,13 +363,13 @@ class PersistentPool:
         self._stack.__exit__(kind, error, trace)
 
     def close(self) -> None:
-        """End the workers; others begin when the pool is opened again."""
+        """End the workers; `open` then starts new ones."""
         self._stack.close()
         self._pool = None
 
     @contextmanager
-    def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
-        """Yield the open pool."""
+    def open(self, max_workers: int) -> Iterator[Pool]:  # noqa: ARG002
+        """Yield the pool that is kept open, whatever `max_workers` is."""
         if self._pool is None or self._pool.died:
             self._stack.close()
             self._pool = self._stack.enter_context(self.engine.open(self.max_workers))
@@ -360,16 +377,16 @@ class PersistentPool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Workers of the cluster of an existing Dask scheduler.
+# Workers of an existing Dask scheduler.
 #
-# Errors and output of Dask stay in this module.
+# Errors and log messages of Dask are handled here, so that other modules know nothing of Dask.
 
 CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
 
 
 class Cluster:
-    """Workers of a Dask scheduler.
+    """Engine whose workers are those of a Dask scheduler.
 
     Parameters
     ----------
@@ -381,8 +398,10 @@ class Cluster:
         self.address = address
 
     @contextmanager
-    def open(self, max_workers: int) -> Iterator["Remote"]:  # noqa: ARG002  (it has the workers it has)
-        """Yield a connection; running work is cancelled on an interruption.
+    def open(self, max_workers: int) -> Iterator["Remote"]:  # noqa: ARG002
+        """Yield a connection to all workers of the scheduler, whatever `max_workers` is.
+
+        At the end of the block, Dask drops the jobs that have no answer yet.
 
         Raises
         ------
@@ -424,7 +443,7 @@ class Cluster:
             await comm.close()
 
         try:
-            asyncio.run(reach())  # a client without scheduler would print messages long after
+            asyncio.run(reach())  # a `Client` without a scheduler would print messages much later
         except (OSError, ValueError) as error:
             raise ConfigError(
                 f"{option('scheduler', self.address)}: no Dask scheduler answers: "
@@ -434,7 +453,7 @@ class Cluster:
 
 @contextmanager
 def _silent_logs() -> Iterator[None]:
-    """Silence the messages of Dask about lost connections, which are reported in one line."""
+    """Silence Dask in the block; this module reports a lost connection itself, in one line."""
     logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if _is_dask(name)]
     before = [log.level for log in logs]
     for log in logs:
@@ -451,7 +470,7 @@ def _is_dask(name: str) -> bool:
 
 
 class Remote:
-    """Connection to the workers; Dask itself moves the jobs of a dead worker to another one."""
+    """Pool with the workers of a scheduler; Dask moves the jobs of a dead worker to another one."""
 
     def __init__(self, address: str, client: Any) -> None:
         self.address, self.client = address, client
@@ -467,15 +486,18 @@ class Remote:
         return self._threads
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
-        """Call a function; the scheduler only sees bytes."""
+        """Call a function in a worker.
+
+        Function and arguments are sent as bytes, which only the worker unpickles.
+        """
         with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
-            # Not pure: a job may be submitted twice.
+            # Dask would not run a pure function again if a job is submitted twice.
             future: Future = self.client.submit(call_checked, content, __version__, pure=False)
             return future
 
     def answer(self, future: Any) -> Any:
-        """Return the answer.
+        """Return the answer of a finished future.
 
         Raises
         ------
@@ -494,13 +516,13 @@ class Remote:
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None
-        except RuntimeError as error:  # the scheduler may fail while it passes the answer on
+        except RuntimeError as error:  # also if the scheduler itself cannot import a package
             if isinstance(error.__cause__, ImportError):
                 raise self._lacking(error.__cause__) from None
             raise
 
     def poll(self) -> None:
-        """Report once that there are no workers."""
+        """Tell the user, only once, if the scheduler has no workers."""
         if not self.workers() and not self._is_reported:
             self._is_reported = True
             files.announce(f"waiting for workers of {self.address}")
@@ -513,7 +535,7 @@ class Remote:
 
     @contextmanager
     def _lost_reported(self) -> Iterator[None]:
-        """Raise all errors of a lost connection as one error."""
+        """Turn any error of a lost connection in the block into the same `ConfigError`."""
         from concurrent.futures import CancelledError
 
         try:
@@ -525,18 +547,18 @@ class Remote:
             ) from None
 
     def close(self) -> None:
-        """Leave the cluster; jobs that have not begun are dropped."""
+        """Close the connection; Dask then drops the jobs that have no answer yet."""
         with suppress(OSError, RuntimeError):
             self.client.close()
 
 
 def call_checked(content: bytes, version: str) -> Any:
-    """Call a function in a worker.
+    """Unpickle a function and its arguments in a worker, and call it.
 
     Raises
     ------
     ConfigError
-        The worker has another version of this package.
+        The worker has another version of this package than `version`.
     """
     if version != __version__:
         raise ConfigError(
@@ -548,9 +570,9 @@ def call_checked(content: bytes, version: str) -> Any:
 
 
 # -------------------------------------------------------------------------------------------------
-# A helper process for compiled code that damaged data may crash, so that only the helper ends.
+# A helper process for compiled code that damaged data may crash: then only the helper ends.
 #
-# It starts with the first call, and ends with this process.
+# The helper starts with the first call, and ends with this process.
 
 SERVE = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -568,9 +590,9 @@ def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
     OSError
         No process can be started.
     DiedError
-        The process ended; the message has its status.
+        The process ended; the message has its exit status.
     Exception
-        Any error of the function.
+        The function raised this error.
     """
     with _lock:
         is_done, result = _answer(
@@ -582,8 +604,16 @@ def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
 
 
 @cache
-def _started(parent: int) -> Any:  # noqa: ARG001  (a forked process has no helper)
-    """Start the process."""
+def _started(parent: int) -> Any:  # noqa: ARG001
+    """Return the helper process of the process with the id `parent`, started at the first call.
+
+    The id is the key of the cache: a forked process must not use the helper of its parent.
+
+    Raises
+    ------
+    OSError
+        No process can be started, or it ended at its start.
+    """
     with uninterrupted():
         process: Any = subprocess.Popen(
             [sys.executable, "-c", SERVE],
@@ -601,12 +631,18 @@ def _started(parent: int) -> Any:  # noqa: ARG001  (a forked process has no help
 
 
 def _answer(process: Any, message: object) -> Any:
-    """Return the answer of the process."""
+    """Send a message to the helper process, and return the answer.
+
+    Raises
+    ------
+    DiedError
+        The process ended.
+    """
     try:
         pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
         process.stdin.flush()
         return pickle.load(process.stdout)
-    except BaseException as error:  # also on Ctrl-C: nobody waits for later answers
+    except BaseException as error:  # on Ctrl-C, too: the next call must not get this answer
         _started.cache_clear()
         process.kill()
         process.communicate()
@@ -616,9 +652,9 @@ def _answer(process: Any, message: object) -> Any:
 
 
 def serve() -> None:
-    """Answer calls until the calling process ends."""
+    """Read calls from standard input and write answers to standard output, until input ends."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # text that a library prints goes to stderr
+    os.dup2(2, 1)  # text that a library prints goes to stderr, not between the answers
     result: tuple[bool, object] = True, None
     while True:
         pickle.dump(result, answers, pickle.HIGHEST_PROTOCOL)

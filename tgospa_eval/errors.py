@@ -5,7 +5,7 @@ TgospaError
     InputError     the content of an input file or table (exit 3)
     SolverError    a solver failed and left no usable answer (exit 4)
 
-TgospaWarning is what Python warns with: the data look wrong, or were repaired.
+TgospaWarning is the category of Python warnings: the data look wrong, or were repaired.
 """
 
 from enum import IntEnum
@@ -14,18 +14,18 @@ from operator import index
 from tgospa_eval.quoting import visible
 
 LARGEST_COUNT = 2**31 - 2
-"""Limit of anything that is numbered with 32 bits, ends of ranges included."""
+"""Largest number of things with 32-bit indices. Ends of ranges, which are one larger, fit, too."""
 
 
 class ExitStatus(IntEnum):
     """Exit statuses of the command line (docs/reference/cli.md)."""
 
     DONE = 0
-    REGRESSION = 1  # of the gate, proven
-    NOT_PROVEN = 1  # of verify: the folder does not prove its claim
+    REGRESSION = 1  # gate: a regression is proven
+    NOT_PROVEN = 1  # verify: the folder does not prove its claim
     WRONG_OPTION = 2
     WRONG_INPUT = 3
-    NOT_REACHED = 4  # the requested accuracy, or a fault of a solver or of this program
+    NOT_REACHED = 4  # requested accuracy not reached, or a fault of a solver or of this program
     INTERRUPTED = 130
 
 
@@ -49,7 +49,7 @@ class TgospaError(Exception):
 
 
 class ConfigError(TgospaError, ValueError):
-    """Error in an option or argument; the message names it and allowed values."""
+    """Error in an option or argument; the message names the option and the allowed values."""
 
     exit_status = ExitStatus.WRONG_OPTION
 
@@ -80,12 +80,12 @@ def real_number(name: str, value: object) -> float:
 
 
 def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None = None) -> int:
-    """Return the value as an int, within its limits.
+    """Return the value as an int from `minimum` to `maximum`.
 
     Raises
     ------
     ConfigError
-        The value is not a whole number, or out of its limits.
+        The value is not a whole number, or out of these limits.
     """
     try:
         number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
@@ -98,7 +98,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that options leave no row to evaluate; in a batch, such a pair has the total 0."""
+    """Error that the options leave out all rows. In a batch, such a job has the total 0 instead."""
 
 
 class InputError(TgospaError, ValueError):
@@ -108,7 +108,7 @@ class InputError(TgospaError, ValueError):
 
 
 def check_size(what: str, count: int) -> None:
-    """Check that 32-bit indices suffice.
+    """Check that 32-bit indices suffice for a count; `what` names the counted things.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Numbers of the data as read: counts, extents, overlaps. Prints nothing."""
+"""Description of the data as read: counts, extents, overlaps. It is returned, not printed."""
 
 import math
 from collections.abc import Iterator
@@ -38,7 +38,11 @@ QUANTILES = (5, 25, 50, 75, 95)
 def inspect(
     files: list[tuple[str, Reading]], sides: AlignedPair | None, request: EvaluationRequest
 ) -> Json:
-    """Return a description of the truth and an estimate, and of how both sides fit."""
+    """Return the JSON document about the truth, or about the truth, an estimate and how they fit.
+
+    `files` has path and content of the truth, then of the estimate, if any. `sides` has both after
+    alignment, or None without an estimate.
+    """
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
     warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
@@ -66,7 +70,9 @@ def inspect(
         notices = [notice for notice in diagnose(sides, request) if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
-            both["nearest"]["suggested"] = None  # these distances are no localisation errors
+            # The distances are not localisation errors: a wrong unit or clock explains them, or
+            # the distance has an upper end, such as 1 for boxes.
+            both["nearest"]["suggested"] = None
     document["warnings"] = [notice.record() for notice in warnings]
     return document
 
@@ -132,17 +138,17 @@ def describe(path: str, reading: Reading) -> Json:
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
-    """Return the number of rows of each track, and its first and last step."""
+    """Return three arrays with an entry for each track: number of rows, first and last step."""
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in order of steps, so the last value is kept
+    last[side.track] = side.step  # rows are in order of steps, and the last value of a track stays
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
 
 def _longest_hole(side: Trajectories) -> int:
-    """Return the largest number of consecutive steps that a track lacks between its ends."""
+    """Return the largest number of consecutive steps that are missing inside a track."""
     order = np.argsort(side.track, kind="stable")
     track, step = side.track[order], side.step[order]
     same = track[1:] == track[:-1]
@@ -202,7 +208,10 @@ def _common_range(a: Floats, b: Floats) -> Json | None:
 
 
 def _overlap(aligned: Alignment) -> Json | None:
-    """Return the first and last step between which both files have rows, or None without one."""
+    """Return the time range that both files cover: first and last time, and number of steps.
+
+    The result is None if there is no such range.
+    """
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
         return None
@@ -269,11 +278,11 @@ NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
-"""Smallest width of the column of a file; two of them and a gap of 2 fit in a line."""
+"""Smallest width of the column of a file. Two such columns fit beside the first column."""
 
 
 def table(document: Json) -> str:
-    """Return the document in words, for a first look."""
+    """Return the document of `inspect` as text."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
@@ -308,7 +317,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # reasons that need more words than in the JSON
+    reasons = {  # texts for rules whose names in the JSON do not explain themselves
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",
@@ -353,7 +362,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Yield lines on how the files fit; `warned`: a warning already says that clocks differ."""
+    """Yield lines on how the files fit. If `warned`, a warning already says that clocks differ."""
     steps = both["steps"]
     yield in_both(steps) + (f", {steps['joined']} of them joined" if steps["joined"] else "")
     for side, rows in both["left_out"].items():
@@ -402,7 +411,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """Describe the timestamps of the estimate that fit better."""
+    """Describe the scale and offset with which timestamps of the estimate fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -416,7 +425,7 @@ def _shown_clock(clock: Json) -> str:
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Format a range and its median, with a noun or unit."""
+    """Format a range and its median, with a noun or unit: `one` after "1", else `many`."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -425,7 +434,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """Return the range of the step lengths, without the rounding of the timestamps."""
+    """Format the range of the step lengths without the digits from rounding of timestamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]

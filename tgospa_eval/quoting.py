@@ -1,11 +1,12 @@
 """Quoted texts and names of options in messages.
 
-Text of a user is shown on one line, and is never a command to a terminal or a CI system. Ids, names
-of files, columns and classes, units, settings and messages may hold anything. Control characters
-(C0 and C1), line breaks, marks of the writing direction and invisible characters are escaped as in
-Python. The first character of a command of a CI system is escaped too.
+Text of a user is shown on one line, and is never a command to a terminal or a CI system. Such text
+can contain any character: ids, names of files, columns and classes, units, settings, messages.
+Control characters (C0 and C1), line breaks, marks of the writing direction and invisible characters
+are escaped as in Python. The first character of a command of a CI system is escaped too.
 
-`option` spells an option for the surface of a message.
+A message names options as its reader writes them: ``--max-gap`` on the command line, ``max_gap`` in
+Python. The way of writing is called the surface. `option` writes an option for the current surface.
 """
 
 import re
@@ -23,12 +24,12 @@ LISTED = 12
 """Largest number of names that a message lists."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
-"""Begin of a workflow command: after blanks alone on GitHub (::error), anywhere on Azure,
-TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message])."""
+"""Begin of a workflow command. On GitHub, only blanks of its line precede it (::error). On Azure,
+TeamCity and older GitHub, any text may (##[error], ##vso[task], ##teamcity[message])."""
 
 
 def visible(text: str) -> str:
-    """Return the text on one line, with all characters visible."""
+    """Return the text on one line, with escapes for invisible characters and for CI commands."""
     if not text.isprintable():
         text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if "::" in text or "##" in text:
@@ -37,46 +38,47 @@ def visible(text: str) -> str:
 
 
 def as_unicode(text: str) -> str:
-    """Return the text with invalid UTF-8 bytes, as in names of files, in hexadecimal."""
+    """Return the text with escapes for bytes that are no UTF-8, which names of files can have."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
 def visible_lines(text: str) -> str:
-    """Return the visible text of several lines; line breaks and tabs remain."""
+    """Return the text of several lines by `visible`, but with its line breaks and tabs."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Return the visible beginning of the text, with dots for the rest."""
+    """Return the text by `visible`; of a long text only the beginning, and dots for the rest."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """Return the end of the text, where names and paths differ, with dots for the rest."""
+    """Return the text; of a long text only dots and the end, where names and paths differ."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
 def quoted(text: object) -> str:
-    """Quote a text for a message: visible, at most 60 characters."""
+    """Return the text by `clipped`, between double quotes."""
     return f'"{clipped(str(text))}"'
 
 
 def listed(texts: Iterable[object], shown: int = LISTED) -> str:
-    """Return names with commas between them, each as in `quoted` without the quotes."""
+    """Return at most `shown` texts by `clipped`, with commas, and the number of further ones."""
     names = list(texts)
     rest = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(clipped(str(name)) for name in names[:shown]) + rest
 
 
 # -------------------------------------------------------------------------------------------------
-# Options, as the one who reads the message writes them.
+# Options, as the reader of a message writes them.
 
 COMMAND, PYTHON, READER = "command", "python", "reader"
 """Surfaces: the command line, keywords of Python, and keywords of `read_trajectories`."""
 
 surface = ContextVar("surface", default=PYTHON)
-"""Current surface of messages. Threads and workers need `on_surface`."""
+"""Current surface of messages. New threads and processes begin with `PYTHON`: `on_surface` sets
+it there."""
 
 FLAGS = {"slices": "--slice", "limits": "--max"}
 """Options whose names on the command line differ from their keywords."""
@@ -100,7 +102,7 @@ OF_READER = {
 
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
-"""Pattern of values that Python writes without quotes."""
+"""Pattern of numbers, which Python writes without quotes."""
 
 
 def option(name: str, value: object = None, *, metavar: str = "", short: bool = False) -> str:
@@ -109,11 +111,11 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
     Parameters
     ----------
     name : str
-        The keyword.
+        Keyword of the option in Python.
     value : object, optional
         Value of the option, if the message has one; True for a flag.
     metavar : str
-        Placeholder of the value on the command line: ``FILE``.
+        Text after the option if no value is given, such as ``FILE``.
     short : bool
         Whether to use the letter of the option on the command line.
     """
@@ -136,7 +138,7 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
 
 @contextmanager
 def spelled_for(name: str) -> Iterator[None]:
-    """Spell options for a surface in messages that the block makes."""
+    """Set the surface for messages that are made in the block."""
     token = surface.set(name)
     try:
         yield
@@ -145,6 +147,6 @@ def spelled_for(name: str) -> Iterator[None]:
 
 
 def on_surface(name: str, function: Callable[..., T], *arguments: object) -> T:
-    """Call a function with a surface of messages; a worker uses the surface of its parent."""
+    """Call a function whose messages are for this surface; workers get that of their parent."""
     with spelled_for(name):
         return function(*arguments)

@@ -1,8 +1,8 @@
 """Association of the states of two sensors, step by step, without files.
 
-At every step, the chosen pairs minimise the sum of their distances plus half a cutoff for each
-unassigned state. So a pair with distance d gains ``c - d``, where c is the cutoff. Pairs with
-``d >= c`` are not chosen.
+The states of one sensor are called a side. At every step, pairs of states are chosen. They minimise
+the sum of the distances of the pairs plus half a cutoff for each unassigned state. So a pair with
+distance d gains ``c - d``, where c is the cutoff. Pairs with ``d >= c`` are not chosen.
 """
 
 from functools import cached_property
@@ -44,24 +44,26 @@ from tgospa_eval.tracks.trajectories import Trajectories
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
 NOBODY = -1
-"""Row number of the partner of a state without a partner."""
+"""Index that stands for "no partner" instead of the row of a partner."""
 
 MAX_STATES = 3000
-"""Largest number of rows of either side of a step; their matrix of gains has 72 MB."""
+"""Largest number of states of one side, at one step, that have states of the other side within the
+cutoff. A matrix of 3000 x 3000 gains has 72 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairing:
-    """Pairs of rows of two sides.
+    """Association of the states of two sides.
 
     Parameters
     ----------
     first, second : Trajectories
         Both sides, on the same times.
     pairs : Pairs
-        Pairs of rows at the same step that are nearer than the cutoff; all pairs if requested.
+        The N measured pairs: a row of each side, at the same step. These are the pairs that are
+        nearer than the cutoff, or all pairs if requested.
     mean_distances : (N,) float array
-        Distances of the means of the pairs.
+        Distance between the means of both states of each pair.
     chosen : (N,) bool array
         Mask of the associated pairs.
     cutoff : float
@@ -80,13 +82,13 @@ class Pairing:
 
     @property
     def unassigned(self) -> tuple[int, int]:
-        """Numbers of states of each side without a partner."""
+        """Number of states without a partner, on the first and on the second side."""
         count = int(self.chosen.sum())
         return len(self.first.step) - count, len(self.second.step) - count
 
     @property
     def total(self) -> float:
-        """Minimised sum of distances and half cutoffs."""
+        """Sum of the distances of associated pairs, plus half a cutoff per unassigned state."""
         near = self.pairs.distance[self.chosen].sum()
         return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
@@ -97,7 +99,7 @@ class Pairing:
 
     @cached_property
     def partners(self) -> tuple[Ints, Ints]:
-        """Row of the partner of each row of either side, or `NOBODY`."""
+        """Array for each side: the row of the partner of each of its rows, or `NOBODY`."""
         a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
         rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
         a[rows[0]], b[rows[1]] = rows[1], rows[0]
@@ -105,7 +107,7 @@ class Pairing:
 
     @cached_property
     def partings(self) -> tuple[Floats, Floats]:
-        """Distance of each row of either side to its partner, 0 without a partner."""
+        """Array for each side: the distance of each of its rows to the partner, 0 without one."""
         a, b = (np.zeros(len(side.step)) for side in self.sides)
         near = self.pairs.distance[self.chosen]
         a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
@@ -113,20 +115,24 @@ class Pairing:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Lower triangle of G around each state of the first side, (R, d (d + 1) / 2).
+        """Matrix G of the ellipse around each state inside which its partner can be, or None.
 
-        Two means with a difference z are not associated if z' G^-1 z >= 1. G_ij is c^2 C_ij /
-        (s_i s_j) with the cutoff c, the scales s and the covariance C, by default the unit matrix.
-        If C depends on the pair, it is the mean over the state and its partner. A state without
-        partner is paired with an equal state. On the Earth, G is valid nearby. The result is None
-        for distances without scales, such as those of boxes.
+        Rows are the R states of the first side. Columns are the d (d + 1) / 2 entries of the lower
+        triangle of G, with d state columns. Two means with a difference z are not associated if
+        z' G^-1 z >= 1.
+
+        G_ij is c^2 C_ij / (s_i s_j). Here c is the cutoff, s has the scales of the columns, and C
+        is the covariance of the distance, by default the unit matrix. If the distance takes C from
+        both states of a pair, C is the mean of the covariances of the state and its partner. A
+        state without partner counts as its own partner. On the Earth, G is valid near the state.
+        The result is None for distances without scales, such as those of boxes.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
         given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
         if not distance.on_earth and "scale" not in distance.options:
             return None
-        if isinstance(given, str):  # the covariance differs for each pair
+        if isinstance(given, str):  # each pair has its own covariance
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
             for spread_of_side, one in ((own, side), (other, self.second)):
                 spread_of_side[:-1] = 0.0 if one.spread is None else one.spread
@@ -142,7 +148,7 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Return each state once, with its partner; None is the partner of an unassigned state."""
+        """Return a row for each associated pair, and for each unassigned state with None."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
@@ -155,7 +161,7 @@ class Pairing:
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """Return all `pairs`, and whether they are associated."""
+        """Return a row for each of the `pairs`; ``associated`` is 1 for associated ones, else 0."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
@@ -166,7 +172,7 @@ class Pairing:
         Raises
         ------
         InputError
-            Both sides are without clouds, or one side has Gaussians.
+            Neither side has clouds, or one side has Gaussians.
         """
         kinds = {self.first.kind, self.second.kind}
         if "cloud" not in kinds or "gaussian" in kinds:
@@ -189,12 +195,15 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """Return the steps of rows of the sides, one of which may be `NOBODY`."""
+        """Return the step of each pair of rows `a` and `b`, one of which may be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
-        """Return the table of rows of both sides and their distances, None for `NOBODY`."""
+        """Return a table of pairs, with None for `NOBODY`.
+
+        `a` and `b` are rows of the first and the second side, `pair` are indices in `pairs`.
+        """
         values = (
             (self.first.shown, self._steps(a, b)),
             (self.first.ids[self.first.track], a),
@@ -227,7 +236,7 @@ def associate(
     cutoff : float
         Cutoff c > 0, in the unit of the distance.
     distance : str or Distance
-        Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a record.
+        Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a `Distance`.
     all_pairs : bool
         Whether to measure all pairs of each step, not only those that may be nearer than the
         cutoff. The association is the same.
@@ -239,7 +248,8 @@ def associate(
     ConfigError
         The cutoff is not finite and > 0, or the distance does not exist.
     InputError
-        The sides do not fit each other or the distance, or a step has too many states.
+        The sides have different times or columns, or states that do not fit the distance. Or a step
+        has too many states.
     """
     cutoff = real_number("cutoff", cutoff)
     if not 0 < cutoff < np.inf:
@@ -273,7 +283,7 @@ def associate(
 
 
 def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
-    """Return the distance of the states of both sides, after checks that they fit each other."""
+    """Check that both sides and the distance fit, and return the distance for these sides."""
     if isinstance(distance, str):
         distance = DISTANCES.chosen(distance)
     names = ("first", "second")
@@ -287,14 +297,18 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
 def _mean_distances(
     first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
 ) -> Floats:
-    """Return distances of the means, with the scales and periods of the distance."""
+    """Return the distances between the means of the pairs.
+
+    They are Euclidean, with the scales and periods of `distance`. If `distance` has no scales, as
+    on the Earth and for boxes, it measures the means itself.
+    """
     means: Distance = Norm(
         name="euclidean",
         power=2.0,
         scale=distance.scale,
         period=distance.period,
     )
-    if "scale" not in distance.options:  # distances on the Earth and of boxes are not norms
+    if "scale" not in distance.options:
         means = distance
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
 
@@ -303,11 +317,12 @@ def _mean_distances(
 # Reduction of all clouds of a recording, and measures of their change.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
-"""Values of `CHANGES` of a cloud; None where a value is unknown or undefined."""
+"""Values of one cloud, in the order of `CHANGES`; None where a value is unknown or undefined."""
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Column with the distances to the cloud before each iteration of the reduction, as lists."""
+"""Column with a list for each cloud: the distances between the cloud and its reduction, before each
+iteration."""
 
 
 def reduce_trajectories(
@@ -331,8 +346,9 @@ def reduce_trajectories(
     dict of lists
         Columns with a value for each cloud: id, t, particles, kept, wasserstein and
         sliced_wasserstein (distances of order 2 between both clouds), trace_kept (share of the
-        trace of the covariance), mean_shift, and the history of `Reduction.trace`. A value is None
-        if a cloud is too large for the exact distance, POT is missing, or there is no spread.
+        trace of the covariance), mean_shift, and history, the distances of `Reduction.trace`.
+        wasserstein is None if both clouds are too large for the exact distance, or if POT is not
+        installed. trace_kept is None if a cloud has no spread.
     """
     resources = resources or Resources()
     if side.clouds is None:
@@ -349,7 +365,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
 
 
 def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
-    """Return a row for each cloud, in threads, because it takes longer than the reduction."""
+    """Compare each cloud with its reduction, in threads: this takes longer than the reduction."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
@@ -375,7 +391,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         float(weights @ ((points - mean) ** 2).sum(axis=1))
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
-    # Weights of single precision cause no warning, because they were normalised when read.
+    # Weights in single precision cause no warning that they do not sum to 1: reading normalises.
     exact = (
         cloud_wasserstein(*before, *after)
         if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2

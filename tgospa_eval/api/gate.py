@@ -32,7 +32,7 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.options import GateOptions
 from tgospa_eval.campaign.gate.outcome import Report
-from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
+from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record, title
 from tgospa_eval.campaign.gate.rules import OF_NEES, Verdict
 from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
@@ -115,7 +115,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _judge_store(gate, truth, estimate)
+        return _said(_judge_store(gate, truth, estimate), notify, stored=True)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -143,7 +143,15 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
-    return _with_first_changes(gate, report, pairs, old or {}, path, target)
+    return _said(_with_first_changes(gate, report, pairs, old or {}, path, target), notify)
+
+
+def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
+    """Return the report, after warnings of groups and stored jobs, which no evaluation printed."""
+    for one in report.outcomes:
+        for warning in one.warnings if stored or one.group else ():
+            notify(f"{title(one)}: {warning}")
+    return report
 
 
 def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
@@ -473,6 +481,11 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
         raise ConfigError(f"{option(typed[0])}: not for stores, which are compared as they are")
     if gate.sources.get("suite") == "commandline":
         raise ConfigError(f"give a store or {option('suite')}, not both")
+    other = second or gate.baseline
+    if other and os.path.realpath(other) == os.path.realpath(first) and not gate.update_baseline:
+        raise ConfigError(
+            f"{other}: is given twice; name the store to judge, and another as the baseline"
+        )
     if second is None:
         return first, gate.baseline
     if gate.strong("baseline"):
@@ -639,7 +652,7 @@ def gate(
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group above its limit fails even if its seeds may be the reason.
+        Whether a group fails that has new runs, or whose seeds may be why it is above its limit.
 
     Options that are not given come from the suite or the baseline, else they have the defaults of
     `evaluate`. Options of a suite must be texts or numbers. Objects such as distances, matrices and

@@ -13,7 +13,7 @@ Mask = NDArray[np.bool_]
 
 
 def concatenated(begin: Ints, count: Ints) -> Ints:
-    """Return the numbers begin[i], begin[i] + 1, ... of each range, count[i] of range i."""
+    """Return one array with, for each i in turn, count[i] consecutive integers from begin[i] on."""
     end = count.cumsum()
     numbers: Ints = (begin - end + count).repeat(count)
     numbers += np.arange(len(numbers))
@@ -21,7 +21,10 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
 
 
 def stretches(count: Ints, size: int) -> Ints:
-    """Split items into runs of about `size` in total; return where each begins, then the end."""
+    """Split items with these counts into consecutive groups with a sum of about `size` each.
+
+    The result has the index of the first item of each group, then the number of items.
+    """
     before = np.cumsum(count) - count
     begins: Ints = np.append(np.flatnonzero(np.diff(before // size, prepend=-1)), len(count))
     return begins
@@ -51,7 +54,7 @@ def places_of(flags: NDArray[np.generic]) -> NDArray[np.intp]:
 
 
 def index_type(size: int) -> type[np.integer]:
-    """Return the integer type for positions up to a count: 32 bits if they are enough."""
+    """Return the integer type for indices of an array of this size: 32 bits if they are enough."""
     return np.int32 if size < 2**31 else np.int64
 
 

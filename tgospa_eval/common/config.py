@@ -1,4 +1,4 @@
-"""Specifications of options, and settings in ``tgospa-eval.toml`` or ``pyproject.toml``."""
+"""Declarations of options, and settings files: ``tgospa-eval.toml`` or ``pyproject.toml``."""
 
 import dataclasses
 import os
@@ -17,15 +17,15 @@ FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
 LARGEST_NUMBER = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
-"""Other names of keys."""
+"""Options by other names that a settings file may use for them."""
 
 Settings: TypeAlias = dict[str, str | int | float | bool]
-"""Values by option name, with dashes."""
+"""Values of options, by the names of the command line without leading dashes: ``max-gap``."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SettingsFile:
-    """Configuration file in use.
+    """Path and content of the settings file in use.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class SettingsFile:
     named : bool
         Whether the user named the file; otherwise it was found in the current folder.
     options : dict
-        Settings by option name, with dashes.
+        Its settings.
     """
 
     path: str
@@ -46,13 +46,13 @@ class SettingsFile:
         return f"settings from {self.path}: {shown}" if shown else f"no setting from {self.path}"
 
     def only(self, names: Collection[str]) -> "SettingsFile":
-        """Return the settings file with these options alone."""
+        """Return a copy with only the settings of these options."""
         kept = {name: value for name, value in self.options.items() if name in names}
         return replace(self, options=kept)
 
 
 def settings_field(used: SettingsFile | None) -> dict[str, Any]:
-    """Return the entry of documents about the settings file."""
+    """Return the field of JSON documents about the settings file; no field without a file."""
     return {} if used is None else {"settings_file": dict(vars(used))}
 
 
@@ -73,20 +73,21 @@ def load(
     trusted: Collection[str],
     read: Callable[[str], bytes | None] = read_here,
 ) -> SettingsFile | None:
-    """Read the settings.
+    """Read the settings file.
 
     Parameters
     ----------
     path : str, optional
-        Path of the file; by default the current folder is searched.
+        Path of the file that the user named. By default, one of both files is taken from the
+        current folder, if there is one.
     known : callable
-        Function that returns the names of the options, as on the command line without leading
-        dashes, and whether each is a flag.
+        Function without arguments. It returns a mapping from the name of each option, as in
+        `Settings`, to whether the option is a flag.
     trusted : collection of str
-        Options that a file may set although the user did not name it: somebody else may have
-        written the file.
+        Options that a file of the current folder can set. Other options are refused there, because
+        somebody else may have written the file.
     read : callable
-        Function that returns the content of a file by its path, or None.
+        Function that receives a path and returns the content of the file, or None without a file.
 
     Returns
     -------
@@ -120,7 +121,7 @@ def load(
 
 
 def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool]) -> Settings:
-    """Return the settings of a table, as `load` does; `path` begins the messages.
+    """Check the table of a settings file, and return its settings; `path` begins messages.
 
     Raises
     ------
@@ -160,7 +161,7 @@ def _shown(value: str | float | bool) -> str:
 
 
 def _suggestion(name: str, known: Iterable[str]) -> str:
-    """Return a remedy for an unknown key: a similar one, or all known ones."""
+    """Return advice on an unknown key: the most similar known key, or all known keys."""
     from difflib import get_close_matches  # lazy: for mistakes only
 
     near = get_close_matches(name, known, 1)
@@ -173,10 +174,10 @@ def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
         return FILE, read_toml(FILE, content)
     try:
         content = read("pyproject.toml") or b""
-        # Look for the name of our table first: parsing costs 15 ms of a start.
+        # The name of the table is searched first, because parsing takes 15 ms of each start.
         has_table = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
     except ConfigError:
-        return None, {}  # a broken file that is not ours is not reported
+        return None, {}  # a broken pyproject.toml is not reported: other programs use it, too
     table = section(has_table) if has_table else None
     return (None, {}) if table is None else ("pyproject.toml", table)
 
@@ -188,7 +189,7 @@ def section(document: Mapping[str, object]) -> object:
 
 
 def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
-    """Parse a TOML file, or its content if it was read before.
+    """Parse a TOML file, or its `content` if this was read before.
 
     Raises
     ------
@@ -208,47 +209,49 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Specifications of options. Records of options have a field for the value of each option.
+# Declarations of options. The options of a command are fields of dataclasses, one for each option.
 
 
 @dataclass(frozen=True)
 class OptionSpec:
-    """Specification of a field that is an option.
+    """Properties of an option, kept in the metadata of its field.
 
     Parameters
     ----------
     section : str
-        Section of the help.
+        Section of the help in which the option is listed.
     declaration : str
-        Text of the help: ``-c, --cutoff C``; without a metavar the option is a flag.
+        Names and placeholder of the value in the help: ``-c, --cutoff C``. An option without a
+        placeholder is a flag.
     help : str
-        Help text.
+        Explanation in the help.
     choices : collection of str
-        Allowed values, if they are few; or a registry, to which other packages may add.
+        Allowed values, if they are few. If other packages can add values, it is a registry.
     kind : str
         Kind of the text: ``"path"``, or ``"size"`` of memory; blank for any text.
     low, high : int, optional
-        Limits of a number.
+        Smallest and largest allowed value of a number.
     shown : str
-        The default in words.
+        Default in words.
     number : bool
-        Whether the option changes the number or its bracket.
+        Whether the option can change TGOSPA or its bracket.
     trusted : bool
-        Whether a settings file may set the option although the user did not name the file. Somebody
-        else may have written it: options that write, connect, take resources, judge, set the
-        accuracy or suppress output are not trusted.
+        Whether a settings file in the current folder can set the option, although the user did not
+        name the file. Somebody else may have written it. So options that write, connect, take
+        resources, judge, set the accuracy or suppress output are not trusted.
     everywhere : bool
-        Whether all verbs that evaluate have the option; otherwise only `evaluate`.
+        Whether all commands that evaluate have the option; otherwise only `evaluate` has it.
     stored : bool
         Whether the option is also read from the environment and from settings files.
     sensors : bool
-        Whether `associate` has the option.
+        Whether the command `associate` has the option.
     whose : str
-        Distances with the option, for messages, if not all have it; `Distance.options` decides.
+        Names of the distances that have the option, for messages; blank if all have it. The
+        program itself uses `Distance.options`.
     methods : sequence of str
-        Reductions with the option, if not all have it.
+        Methods of reduction that have the option; empty if all have it.
     parts : str
-        What to do instead if data in parts do not support the option; blank if they do.
+        Advice if the option does not work for data in parts; blank if it works.
     """
 
     section: str
@@ -270,13 +273,16 @@ class OptionSpec:
 
     @property
     def key(self) -> str:
-        """Name in a settings file: the first long name."""
+        """Name of the option in a settings file: the first long name in `declaration`."""
         names = self.declaration.split(" ")
         return next(name for name in names if name.startswith("--"))[2:].rstrip(",")
 
 
 def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
-    """Declare a field of a record of options; a flag is off by default, FILE and DIR are paths."""
+    """Declare an option as a field of a subclass of `Values`.
+
+    Flags are off by default. Options with the placeholder FILE or DIR are paths.
+    """
     metavar = declaration.split(", ")[-1].partition(" ")[2]
     if metavar in ("FILE", "DIR"):
         about["kind"] = "path"
@@ -286,16 +292,16 @@ def setting(section: str, declaration: str, text: str, *, default: Any = None, *
 
 @dataclass(frozen=True, kw_only=True)
 class Values:
-    """Record of options."""
+    """Base class of the values of some options of a command."""
 
     @classmethod
     def of(cls, values: Mapping[str, object]) -> Self:
-        """Build the record from all options of a verb, without those of other records."""
+        """Build an object from all options of a command; options that are no fields are unused."""
         names = {field.name for field in dataclasses.fields(cls)}
         return cls(**{name: value for name, value in values.items() if name in names})
 
     @classmethod
     def settings(cls) -> dict[str, OptionSpec]:
-        """Return the specification of each field that is an option."""
+        """Return the `OptionSpec` of each field that is an option, by name of the field."""
         fields = dataclasses.fields(cls)
         return {one.name: one.metadata["setting"] for one in fields if one.metadata}

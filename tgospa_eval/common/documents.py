@@ -47,7 +47,7 @@ class Maybe:
 
 
 class Closed(dict[Any, Any]):
-    """Fields of an object without other fields."""
+    """Description of an object whose fields are only the described ones."""
 
 
 def _is_number(value: object) -> bool:
@@ -67,7 +67,7 @@ TIME = FieldKind(
 
 
 def or_null(kind: FieldKind) -> FieldKind:
-    """Describe the same value, or null."""
+    """Return the kind of values that are null or of the given kind."""
     return FieldKind(f"{kind.name}, or null", lambda value: value is None or kind.fits(value))
 
 
@@ -75,7 +75,7 @@ NULL = FieldKind("null", lambda value: value is None)
 
 
 def one_of(*values: str) -> FieldKind:
-    """Describe one of some texts."""
+    """Return the kind of values that are one of these texts."""
     return FieldKind(f"one of {', '.join(values)}", lambda value: value in values)
 
 
@@ -87,9 +87,9 @@ def fault(value: object, description: Any, place: str = "") -> str | None:
     value : object
         Value of plain Python types.
     description : FieldKind, dict or list
-        Description as explained in the module.
+        Description of the expected value, as explained at the top of this module.
     place : str
-        Path of the value in its document, as ``parts.localisation``.
+        Path of the value in its document, such as ``parts.localisation``.
     """
     if isinstance(description, FieldKind):
         fits = description.fits(value)
@@ -128,14 +128,14 @@ def _expected(description: Any) -> str:
 
 
 def shown(value: object) -> str:
-    """Format a value as short JSON."""
+    """Format a value for a message: as JSON of limited length, or as "a list" or "an object"."""
     if isinstance(value, dict | list):
         return "an object" if isinstance(value, dict) else "a list"
     return clipped(json.dumps(value, ensure_ascii=False, default=str))
 
 
 def strict_json(text: str | bytes) -> Any:
-    """Parse a JSON text without NaN, infinities and repeated names.
+    """Parse a JSON text; refuse NaN, infinities and repeated names.
 
     Raises
     ------
@@ -191,22 +191,22 @@ def read_document(
     remedy: str,
     size: int = SETTINGS,
 ) -> dict[str, Any]:
-    """Read the document of a file.
+    """Read a JSON document from a file.
 
     Parameters
     ----------
     path : str
-        The file.
+        Path of the file.
     schema : str
-        Schema with its name and version.
+        Required text in the field ``schema``: name and version.
     description : dict
-        Description of its fields.
+        Description of the fields of the document.
     kind : type
-        Type of the error.
+        Class of the error that is raised.
     remedy : str
-        Advice at the end of the message.
+        Advice at the end of the error message.
     size : int
-        Largest number of bytes.
+        Largest allowed number of bytes.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def document_of(
     *,
     remedy: str,
 ) -> dict[str, Any]:
-    """Parse the document in the content of a file; see `read_document` for arguments and errors."""
+    """Parse a JSON document that was read from `path`; see `read_document` for the rest."""
     try:
         document: dict[str, Any] = strict_json(content)
         own = document.get("schema") if isinstance(document, dict) else None

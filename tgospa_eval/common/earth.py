@@ -10,7 +10,7 @@ from tgospa_eval.quoting import option, quoted
 
 def _pyproj(what: str) -> Any:
     try:
-        import pyproj  # lazy: an extra
+        import pyproj  # lazy: not always installed
     except ImportError:
         raise ConfigError(f"{what} needs the extra geo: {install('geo')}") from None
     return pyproj
@@ -18,7 +18,7 @@ def _pyproj(what: str) -> Any:
 
 @functools.cache
 def ellipsoid() -> Any:
-    """Return the WGS 84 ellipsoid for shortest paths, a ``pyproj.Geod``.
+    """Return the WGS 84 ellipsoid as a ``pyproj.Geod``, which computes shortest paths.
 
     Raises
     ------
@@ -30,7 +30,10 @@ def ellipsoid() -> Any:
 
 @functools.lru_cache(maxsize=8)
 def from_crs(text: str, option: str) -> Any:
-    """Return the transformation of a projected system, x eastwards, to longitude and latitude.
+    """Return the transformation from a projected system to longitude and latitude.
+
+    The first coordinate of the projected system is the one to the east. `option` is the name of the
+    option with the text, for messages.
 
     Raises
     ------
@@ -51,7 +54,11 @@ def from_crs(text: str, option: str) -> Any:
 
 @functools.lru_cache(maxsize=8)
 def topocentric(latitude: float, longitude: float, height: float) -> Any:
-    """Return the transformation of longitude, latitude and height to metres east, north and up."""
+    """Return the transformation to metres east, north and up of a point.
+
+    It receives longitude, latitude and height. The point is given by its latitude, longitude and
+    height.
+    """
     return _pyproj(option("origin")).Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
         " +step +proj=cart +ellps=WGS84"

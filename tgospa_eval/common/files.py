@@ -1,4 +1,4 @@
-"""Files of users, with errors of the system in one sentence."""
+"""Reading files of users: each error of the system becomes a message of one sentence."""
 
 import os
 import stat
@@ -12,29 +12,29 @@ from typing import TextIO
 from tgospa_eval.errors import TgospaError
 
 SETTINGS = 1 << 26
-"""Largest number of bytes of a file of settings."""
+"""Largest number of bytes of a settings file."""
 
 STDIN = "<stdin>"
-"""Name of the standard input; a file with this name is ./<stdin>."""
+"""Path that means the standard input. A real file with this name is given as ./<stdin>."""
 
 CHUNK = 1 << 24
 """Bytes that are read at once if the length is unknown."""
 
 PIPE_PATIENCE = 2.0
-"""Seconds before a notice that the program waits for a pipe or a terminal."""
+"""Seconds of waiting for a pipe or a terminal after which a notice tells the user."""
 
 
 def _silent(text: str) -> None:
-    """Print nothing, as a library should."""
+    """Print nothing: the default, as a library should not print."""
 
 
 announce: Callable[[str], None] = _silent
-"""Receiver of notices about waiting; the command line prints them."""
+"""Function that receives notices about waiting. The command line sets one that prints them."""
 
 
 @contextmanager
 def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> Iterator[None]:
-    """Raise errors of the file system as `kind`, with `where` at the begin of the message."""
+    """Turn errors of the file system in the block into `kind`; `where` begins the message."""
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
@@ -44,7 +44,7 @@ def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> 
 
 
 def reason(error: Exception) -> str:
-    """Return the system's message about an error, without its numbers."""
+    """Return the system's message about an error, without error number and path."""
     if isinstance(error, FileNotFoundError) and not os.path.isabs(error.filename or ""):
         try:
             os.getcwd()
@@ -55,7 +55,10 @@ def reason(error: Exception) -> str:
 
 @contextmanager
 def patience(path: str, what: str) -> Iterator[None]:
-    """Announce a pipe or a terminal that the program waits for."""
+    """Announce that the program waits for a pipe or a terminal, if the block takes long.
+
+    `what` is the expected thing: "data from".
+    """
     timer = threading.Timer(PIPE_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True
     timer.start()
@@ -68,7 +71,7 @@ def patience(path: str, what: str) -> Iterator[None]:
 def read_bytes(
     path: str, kind: type[TgospaError], max_bytes: int = SETTINGS, remedy: str = "name another file"
 ) -> bytes:
-    """Read the content of a file, up to a size.
+    """Read the content of a file of at most `max_bytes`.
 
     Raises
     ------
@@ -79,14 +82,14 @@ def read_bytes(
         if path == STDIN:
             return _of_stdin(kind, max_bytes, remedy)
         status = os.stat(path)
-        if stat.S_ISDIR(status.st_mode):  # Windows says "permission denied"
+        if stat.S_ISDIR(status.st_mode):  # the message of Windows would be "permission denied"
             raise kind(f"{path}: is a folder, not a file")
         size, content = status.st_size, b""
         if not stat.S_ISREG(status.st_mode):
             content = b"".join(_pieces(path, path, max_bytes))
             size = len(content)
         elif size <= max_bytes:
-            with open(path, "rb", buffering=0) as file:  # reading all at once needs no buffer
+            with open(path, "rb", buffering=0) as file:
                 content = file.readall()
     if size > max_bytes:
         raise kind(f"{path}: larger than {max_bytes >> 20} MiB; {remedy}")
@@ -94,7 +97,7 @@ def read_bytes(
 
 
 def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
-    """Read the standard input, and keep it for later calls."""
+    """Read the standard input at the first call, and return the same content at later calls."""
     if sys.stdin is None:
         raise kind(f"{STDIN}: there is none, it is closed; name a file")
     kept = _kept(sys.stdin)
@@ -108,7 +111,7 @@ def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
 
 @lru_cache(maxsize=1)
 def _kept(stream: TextIO) -> list[bytes]:  # noqa: ARG001
-    """Return the list that keeps the content of a stream."""
+    """Return the list in which the content of a stream is kept, the same one at each call."""
     return []
 
 

@@ -1,4 +1,4 @@
-"""Intervals that contain an unknown number, independent of any metric."""
+"""Intervals that contain an unknown value, such as brackets of TGOSPA."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,9 @@ from tgospa_eval.common.frozen import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """Interval ``lower <= value <= upper``; compared intervals have the same unit.
+    """Interval ``lower <= value <= upper`` of an unknown value.
+
+    Functions with several intervals assume that all have the same unit.
 
     Parameters
     ----------
@@ -21,15 +23,15 @@ class Interval:
     upper: float
 
     def scaled(self, factor: float) -> "Interval":
-        """Return the interval of the value times a positive factor."""
+        """Return the interval of ``factor * value``; the factor is positive."""
         return Interval(lower=self.lower * factor, upper=self.upper * factor)
 
 
 # -------------------------------------------------------------------------------------------------
-# Comparing proven brackets: whether they agree, and which is less.
+# Comparing proven brackets.
 
 EQUAL = 1e-9
-"""Largest relative difference of equal values."""
+"""Largest relative difference of two values that count as equal."""
 
 
 def overlap(first: Interval, second: Interval) -> bool:
@@ -61,7 +63,7 @@ def second_less_first(first: Interval, second: Interval) -> Interval:
 
 
 def narrowest(brackets: Sequence[Interval]) -> Interval:
-    """Return the intersection of brackets of one value."""
+    """Return the intersection of several brackets of the same value."""
     return Interval(
         lower=max(bracket.lower for bracket in brackets),
         upper=min(bracket.upper for bracket in brackets),
@@ -69,14 +71,14 @@ def narrowest(brackets: Sequence[Interval]) -> Interval:
 
 
 def excess(value: float, floor: float) -> float:
-    """Return (value - floor) / floor, at least 0: the relative excess of a value over its floor."""
+    """Return by which fraction of the floor a value is above it; 0 if it is not above."""
     if value <= floor:
         return 0.0
     return (value - floor) / floor if floor > 0 else math.inf
 
 
 def shortfall(value: float, ceiling: float) -> float:
-    """Return (ceiling - value) / ceiling, at least 0: the relative shortfall below a ceiling."""
+    """Return by which fraction of the ceiling a value is below it; 0 if it is not below."""
     return (ceiling - value) / ceiling if value < ceiling else 0.0
 
 
@@ -85,15 +87,15 @@ def places(
 ) -> list[tuple[int, int]]:
     """Return the best and the worst possible rank of each value, counted from 1.
 
-    A value ranks before another one only if it is proven to be smaller. Equal values share places.
+    A value ranks before another one only if it is proven to be smaller. Equal values share ranks.
 
     Parameters
     ----------
     brackets : sequence of Interval
         Brackets of the values.
     alike : callable, optional
-        Function of two indices that returns whether the values are equal; by default if their
-        brackets prove it.
+        Function that receives two indices and returns whether the values are equal. By default
+        they are equal if their brackets prove it.
     """
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
     ranks = []

@@ -14,9 +14,9 @@ from tgospa_eval.common.files import reason
 
 
 def compiled(name: str) -> Any:
-    """Import an extension module; return None without it, and slower code is used.
+    """Import a compiled extension module; return None if it is missing.
 
-    ``TGOSPA_EVAL_KERNEL=numpy`` disables all extension modules.
+    Callers then use slower code. ``TGOSPA_EVAL_KERNEL=numpy`` disables all extension modules.
     """
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
@@ -46,11 +46,11 @@ NO_MEMORY = (
     "start new thread",
     "without exception set",
 )
-"""Messages of systems, loaders of libraries and Python for a lack of memory."""
+"""Parts of messages by which systems, library loaders and Python report a lack of memory."""
 
 
 def available_memory() -> int | None:
-    """Return the bytes of available memory, as Linux counts them."""
+    """Return the number of available bytes of memory; None if the system is not Linux."""
     with suppress(OSError, ValueError), open(MEMINFO, encoding="ascii") as file:
         for line in file:
             if line.startswith("MemAvailable:"):
@@ -59,27 +59,27 @@ def available_memory() -> int | None:
 
 
 def machine_memory() -> int | None:
-    """Return the bytes of memory of the machine, or of its container if it has less."""
+    """Return the bytes of memory of the machine, or of the container if this has less."""
     sizes = []
     with suppress(OSError, ValueError, AttributeError):
         sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     with suppress(OSError, ValueError), open(CONTAINER, encoding="ascii") as file:
-        sizes.append(int(file.read()))  # "max" is no number
+        sizes.append(int(file.read()))  # ValueError for "max", which means no limit
     return min(sizes, default=None)
 
 
 def release_freed() -> None:
-    """Return freed memory to the system, which the C library and Arrow would keep."""
+    """Give freed memory back to the system; the C library and Arrow would keep it."""
     import ctypes  # lazy: only data in parts need it
 
     if "pyarrow" in sys.modules:
         sys.modules["pyarrow"].default_memory_pool().release_unused()
-    with suppress(OSError, AttributeError, TypeError):  # only glibc has it
+    with suppress(OSError, AttributeError, TypeError):  # only glibc has `malloc_trim`
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def is_of_memory(error: BaseException | None) -> bool:
-    """Return whether an error, or its cause, is a lack of memory, also from libraries."""
+    """Return whether an error or one of its causes is a lack of memory, in Python or a library."""
     while error is not None:
         if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
             return True
@@ -88,7 +88,7 @@ def is_of_memory(error: BaseException | None) -> bool:
 
 
 def fault_of(error: BaseException) -> str:
-    """Return the cause of an unforeseen error, in words."""
+    """Return a message about an error that no code handles."""
     if is_of_memory(error):
         return "out of memory"
     if isinstance(error, OSError):
@@ -104,25 +104,26 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Largest number of waiting results for each thread, which limits their memory."""
+"""Number of calls for each thread that are submitted before their results are taken. A small number
+limits the memory of the results."""
 
 
 def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:
-    """Map a function over items in threads, and yield the answers in order.
+    """Call a function for each item in threads, and yield the answers in the order of the items.
 
     Parameters
     ----------
     work : callable
-        Function that is called in any of the threads.
+        Function that receives an item; it is called in any of the threads.
     items : iterable
-        Arguments of the calls.
+        Items.
     threads : int
-        Number of threads; with 1 no thread is started.
+        Number of threads. If it is 1, no thread is started.
     """
     if threads <= 1:
         yield from map(work, items)
         return
-    from concurrent.futures import ThreadPoolExecutor  # lazy: most runs do without
+    from concurrent.futures import ThreadPoolExecutor  # lazy: most runs need no threads
 
     left = iter(items)
     with ThreadPoolExecutor(threads) as pool:

@@ -11,18 +11,19 @@ from tgospa_eval.quoting import visible
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """Sentence for the user; with a code it is a warning, which every output shows.
+    """Sentence for the user. It is a warning if it has a code; every output shows warnings.
 
-    Quoted text is made visible, as in errors.
+    Invisible characters in it are escaped, as in messages of errors.
 
     Parameters
     ----------
     text : str
         The sentence, without a full stop.
     code : str
-        Code of a warning: ``"unit-scale"``; see docs/reference/json.md. Blank for a notice.
+        Code of the warning, such as ``"unit-scale"`` (docs/reference/json.md). Blank if the notice
+        is not a warning.
     remedy : str
-        What to do.
+        Advice on what to do.
     """
 
     text: str
@@ -42,25 +43,25 @@ class Notice:
         return f"{self.text}; {self.remedy}" if self.remedy else self.text
 
     def record(self) -> dict[str, str]:
-        """Return the notice as in the JSON."""
+        """Return the notice as an object of JSON documents."""
         return {"code": self.code, "text": self.text, "remedy": self.remedy}
 
     def about(self, name: str) -> "Notice":
-        """Return the notice with the name of a file or a pair at its begin."""
+        """Return a copy whose text begins with the name of a file or pair of files."""
         return Notice(text=f"{name}: {self.text}", code=self.code, remedy=self.remedy)
 
 
 def messages_of(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
-    """Return the messages about the settings file, and of warnings."""
+    """Return the text about the settings file, if there is one, then the texts of warnings."""
     return [str(one) for one in (settings_file, *warnings) if one is not None]
 
 
 NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
-"""Packages whose frames lie between a warning and the line of the user."""
+"""Packages whose frames are skipped to find the line of the user that a warning is about."""
 
 
 def warn_user(notices: Iterable[Notice]) -> None:
-    """Issue a Python warning for each notice, at the line of the user that caused it."""
+    """Issue a Python warning for each notice, at the line of the user that called this package."""
     level, frame = 2, sys._getframe(1).f_back
     while frame and str(frame.f_globals.get("__name__")).partition(".")[0] in NOT_OF_THE_USER:
         level, frame = level + 1, frame.f_back

@@ -1,8 +1,9 @@
 """Patterns of paths with fields, ``runs/{tracker}/{sequence}.txt``, and the files that match.
 
-Files are not opened, except manifests of this program. A file of MATLAB has variables,
-``study.mat:X``, and cells: ``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB.
-`Inside` lists the variables and cells.
+A pattern can also name variables in a file of MATLAB, ``study.mat:X``, and cells of a variable:
+``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB. A function `Inside` of the
+caller lists them. This module itself opens no files, except those by which this program recognises
+its folders of results.
 """
 
 import functools
@@ -16,17 +17,17 @@ from tgospa_eval.common.words import counted
 FIELD = r"\{([A-Za-z_]\w*)\}"
 
 WITH_VARIABLES = r"(?s:(.+\.(?i:mat(?:\.gz|\.gzip|\.zst|\.zstd)?))):"
-"""Pattern of a file with variables, before the name of a variable."""
+"""Regular expression of a file of MATLAB and the colon before the name of a variable."""
 
 Inside = Callable[[str], Iterable[str]]
-"""Function that returns the names of variables and cells of a file."""
+"""Function that receives the path of a file and returns the names of its variables and cells."""
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
-"""Reasons for which a file is skipped."""
+"""Reasons for which a file is skipped, although it matches."""
 
 
 def fields(pattern: str) -> list[str]:
-    """Return the names of the fields, each once, in order."""
+    """Return the names of the fields of a pattern, each once, in order."""
     return list(dict.fromkeys(re.findall(FIELD, pattern)))
 
 
@@ -38,10 +39,11 @@ def fill(pattern: str, values: Mapping[str, str]) -> str:
 def matching_paths(
     pattern: str, folder: str = "", inside: Inside = lambda _: ()
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the paths that match a pattern below a folder, in order, with the values of its fields.
+    """Yield each path below a folder that matches a pattern, and the values of the fields in it.
 
-    A field matches one part of a path, or a piece of a part, and has one value everywhere. Names
-    that begin with a dot match only a dot in the pattern.
+    A field matches the name of a file or folder, or a piece of it. If it occurs several times, it
+    has the same value everywhere. A name that begins with a dot only matches if the pattern has
+    this dot, too. Paths are in alphabetical order.
     """
     for path, values in _all(pattern, folder, inside):
         if _dotted(pattern, path) is None:
@@ -56,35 +58,36 @@ def match_files(
     truth: tuple[str, str] | None = None,
     inside: Inside = lambda _: (),
 ) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
-    """Return the files that a pattern selects; it does not select all files that match.
+    """Return the files that match a pattern, without those that it selects by accident.
 
     Files in the store of a batch, or in a folder of results, are selected only if the pattern names
     that folder without a field. A truth is not selected as an estimate if the pattern of the
-    estimates has all fields of the truth and at least one more.
+    estimates has all fields of the pattern of the truths and at least one more.
 
     Parameters
     ----------
     pattern : str
-        The pattern.
+        Pattern of the files.
     folder : str
         Folder to which the pattern is relative.
     output : str, optional
-        Folder of output, which is a store.
+        Folder into which the batch writes. It counts as a store even if it has no files yet.
     truth : pair of str, optional
-        For estimates, the pattern of the truths and the folder to which it is relative.
+        If the pattern is that of estimates: the pattern of the truths, and the folder to which that
+        pattern is relative.
     inside : callable
-        Function that returns the names of the runs in a file.
+        Function as described at `Inside`.
 
     Returns
     -------
     list of (str, dict)
-        Paths, and the values of the fields.
+        Path of each file, and the values of the fields in it.
     dict of str to str
-        A sentence about skipped files for each reason.
+        Sentence about the skipped files, by reason.
     """
-    from tgospa_eval.common.writing import results_in  # lazy: reading one pair does without
+    from tgospa_eval.common.writing import results_in  # lazy: only batches need it
 
-    real = functools.cache(os.path.realpath)  # cached for folders of thousands of files
+    real = functools.cache(os.path.realpath)  # cached: a folder may have thousands of files
 
     def place(above: str, name: str) -> str:
         return os.path.join(real(above), name)
@@ -124,7 +127,10 @@ def match_files(
 
 
 def _dotted(pattern: str, path: str) -> str | None:
-    """Return the pattern with the leading dots of names in this path; None without such names."""
+    """Return the pattern with a dot before each field whose name in this path begins with a dot.
+
+    The result is None if no field matches such a name.
+    """
     if path[:1] != "." and "/." not in _slashed(path):  # most paths have no dots
         return None
     pairs = list(zip(_slashed(pattern).split("/"), _slashed(path).split("/"), strict=True))
@@ -135,7 +141,7 @@ def _dotted(pattern: str, path: str) -> str | None:
 
 
 def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
-    """Yield the folders of a path that match a field, each with the rest of the path."""
+    """Yield the folders of a path from the first field on, each with the rest of the path."""
     parts = _slashed(path).split("/")
     named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
     for k in range(named + 1, len(parts)):
@@ -147,8 +153,8 @@ def _slashed(path: str) -> str:
 
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the paths of `matching_paths`, and those in which a field begins with a dot."""
-    import glob  # lazy: the name of a file is no pattern
+    """Yield what `matching_paths` yields, and also names with a dot that the pattern lacks."""
+    import glob  # lazy: only patterns need it
 
     file, variable = _split(pattern)
     parts = re.split(FIELD, file)  # text, name, text, name, ..., text
@@ -166,14 +172,14 @@ def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[
 
 
 def values_of(pattern: str, folder: str, path: str) -> dict[str, str] | None:
-    """Return the values of the fields of a pattern in the path of a file; None without a match."""
+    """Return the values that the fields of a pattern have in a path; None if it does not match."""
     file = os.path.relpath(os.path.join(folder, _split(pattern)[0]))
     match = _shape(file, "+").fullmatch(_slashed(path))
     return match.groupdict() if match and _dotted(file, path) is None else None
 
 
 def is_ambiguous(pattern: str, path: str) -> bool:
-    """Return whether the fields could have other values in the same path."""
+    """Return whether the pattern matches the path with several sets of values of its fields."""
     slashed = _slashed(path)
     greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
@@ -181,7 +187,10 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 
 @functools.lru_cache
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
-    """Return the regular expression of a pattern."""
+    """Return the regular expression of a pattern.
+
+    `repeated` is ``+`` if fields shall match as much as possible, ``+?`` if as little.
+    """
     file = _split(pattern)[0]
     parts = re.split(FIELD, _of_cell(pattern))
     shape, named, size = "", set(), 0
@@ -197,13 +206,13 @@ def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
 
 
 def _split(pattern: str) -> tuple[str, str]:
-    """Split a path into the file and its variable; blank if none is named."""
+    """Split a path into the file and the variable; the variable is blank if none is named."""
     named = re.match(WITH_VARIABLES, pattern)
     return (named[1], pattern[named.end() :]) if named else (pattern, "")
 
 
 def _of_cell(pattern: str) -> str:
-    """Return the pattern with the braces of a cell around its field."""
+    """Add the braces of MATLAB to the field of a cell: ``Y{run}`` becomes ``Y{{run}}``."""
     variable = _split(pattern)[1]
     cell = re.fullmatch(rf"\w+{FIELD}", variable)
     return f"{pattern[: -len(cell[1]) - 2]}{{{{{cell[1]}}}}}" if cell else pattern

@@ -1,6 +1,6 @@
 """Progress of long work, and ways to stop it before its end.
 
-Work writes its progress, and displays read it; without a display nothing is kept.
+Work writes to a `Progress`, and a display reads from it.
 """
 
 import threading
@@ -31,44 +31,44 @@ class Status(StrEnum):
 
     @property
     def good(self) -> bool:
-        """True if the work was finished."""
+        """True if the solver finished its work."""
         return self in (Status.SOLVED, Status.MET)
 
 
 T = TypeVar("T")
 
 SOON, PACE = 1.0, 0.5
-"""Seconds before the first progress, and between updates."""
+"""Seconds before proven bounds are first displayed, and seconds between updates."""
 
 
 class StoppedError(Exception):
-    """Error that work which cannot be stopped was abandoned."""
+    """Error that work was abandoned: a stop was requested, and the work itself cannot stop."""
 
 
 class Progress:
-    """Progress of the work, and the request to stop it.
+    """Progress of some work, and the request to stop it.
 
     Parameters
     ----------
     watched : bool
         Whether the progress is displayed.
     stop : Event, optional
-        Event of other work that is stopped together with this one.
+        Event of other work; if it is set, both stop.
 
     Attributes
     ----------
     stop : Event
         Event that is set when the work must stop.
     stoppable : bool
-        Whether stopped work still gives a result.
+        Whether the work gives a result even if it is stopped.
     name : str
-        Name of the current part.
+        Name of the current part of the work.
     share : float
-        Share of the part that is done, 0 to 1.
+        Share of the work that is done, 0 to 1.
     bracket : pair of float, optional
-        Proven bounds of TGOSPA, of the current part if there are several.
+        Proven bounds of TGOSPA; if the work has several parts, those of the current part.
     left : float, optional
-        Estimated seconds until the end of the part.
+        Estimated seconds until the end of the pieces of `Stopwatch.paced`.
     """
 
     def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
@@ -85,20 +85,23 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """True if it is time to show the proven bounds."""
+        """True if it is time to compute and show proven bounds."""
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
-        """Return a hidden progress for inner work, which stops together with this one."""
+        """Return a progress for inner work, which no display reads; both have one stop event."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
-        """Begin to solve; `scale` converts a total cost, in units of the cutoff, to TGOSPA."""
+        """Report that solving begins.
+
+        `scale` converts a total cost to TGOSPA. The cost is in units of cutoff^p.
+        """
         self.scale, self.bracket, self.stoppable = scale, None, True
 
     @contextmanager
     def part(self, name: str, number: int, count: int) -> Iterator[None]:
-        """Begin a part of a number of parts, counted from 0."""
+        """Report that the block does a part of the work: index `number`, from 0, of `count`."""
         outer, around = self._span, self.name
         self._span = (outer[0] + outer[1] * number / count, outer[1] / count)
         self.name, self.bracket = f"{name}, {number + 1} of {count}", None
@@ -116,26 +119,28 @@ class Progress:
             self.share = max(share, self.share)
 
     def again(self, name: str, share: float) -> None:
-        """Report the share of the next piece of work, which begins at 0."""
+        """Report the share of the part `name` that is done; with a new name, it begins at 0."""
         if self.name != name:
             self.name, self.share = name, 0.0
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:
-        """Report proven bounds of the total cost, in units of the cutoff."""
+        """Report proven bounds of the total cost, which `scale` converts to TGOSPA."""
         bracket = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
-        if self.bracket is not None:  # keep what was proven before
+        if self.bracket is not None:  # bounds that were proven before may be nearer
             bracket = max(bracket[0], self.bracket[0]), min(bracket[1], self.bracket[1])
         self.bracket = bracket
         self._due = max(self._due, time.monotonic() + PACE)
 
     def in_thread(self, work: Callable[[], T]) -> T:
-        """Do work that cannot be stopped in a thread.
+        """Do work in a thread, so that a stop need not wait for its end.
+
+        Without a display, the work is done in the calling thread.
 
         Raises
         ------
         StoppedError
-            The work must stop; its thread continues, and its result is not used.
+            A stop is requested. The thread continues, but its result is not used.
         """
         if not self.watched:
             return work()
@@ -147,7 +152,7 @@ class Progress:
 
 
 class BackgroundTask(Generic[T]):
-    """Work in a daemon thread, which does not keep the process from ending."""
+    """Work in a daemon thread: the process can end before the thread does."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         self._work = work
@@ -176,14 +181,14 @@ class BackgroundTask(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """End of the time for solving.
+    """Time limit of the solver, which a request to stop ends, too.
 
     Parameters
     ----------
     deadline : float, optional
-        Time on the clock of `time.monotonic`.
+        End of the time, on the clock of `time.monotonic`; None for no limit.
     progress : Progress
-        Progress that may have a request to stop.
+        Progress of the work; its event `stop` is the request to stop.
     """
 
     deadline: float | None = None
@@ -202,46 +207,46 @@ class Limit:
         return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
 
     def late(self) -> bool:
-        """Return whether there is no time left."""
+        """Return whether no time is left."""
         return self.progress.stop.is_set() or (
             self.deadline is not None and time.monotonic() > self.deadline
         )
 
     @property
     def status(self) -> Status:
-        """Reason for the end of the time."""
+        """Reason to stop when no time is left."""
         return Status.INTERRUPTED if self.progress.stop.is_set() else Status.LATE
 
 
 # -------------------------------------------------------------------------------------------------
-# A stopwatch that adds up the time of named, nestable spans.
+# A stopwatch for named blocks of code, which can be nested.
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
-"""After `PACED_FROM` seconds of work its pace is known. A notice is useful if the remaining work
-takes `ANNOUNCED_FROM` seconds or more."""
+"""Seconds of work after which the time for the rest is estimated. Then the user is told once, if
+the rest takes more than `ANNOUNCED_FROM` seconds."""
 
 
 class Stopwatch:
-    """Clock that adds up seconds under names; a name may be a path, ``"solve/lp"``.
+    """Clock that adds up seconds by name. A name can be a path such as ``"solve/lp"``.
 
     Parameters
     ----------
     clock : callable, optional
-        Function that returns seconds; replaced in tests.
+        Function that returns the time in seconds; tests replace it.
 
     Attributes
     ----------
     spans : dict
         Seconds by name.
     work : int
-        Product of states and half sweeps that were done.
+        Number of states updated by half sweeps of the solver; a state counts in each half sweep.
     busy : float
-        Seconds of the sweeps, added over all threads.
+        Seconds that the sweeps took, added over all threads.
     stage : str
-        Name of the innermost open span, for progress.
+        Name of the innermost block of `span` or `showing` that is running, for displays.
     notify : callable
-        Callable that receives a sentence for the user before long work; by default it does nothing.
+        Function that receives a sentence for the user about long work. The default does nothing.
     progress : Progress
         Progress of the timed work.
     """
@@ -258,7 +263,7 @@ class Stopwatch:
 
     @contextmanager
     def span(self, name: str) -> Iterator[None]:
-        """Add the time until the end of the block to `name`, also when the block raises."""
+        """Add the time of the block to the seconds of `name`, also if the block raises an error."""
         begin, outer = self._clock(), self.stage
         self.stage = name
         try:
@@ -269,7 +274,7 @@ class Stopwatch:
 
     @contextmanager
     def showing(self, stage: str = "") -> Iterator[None]:
-        """Show another stage, or stages named inside the block, until its end."""
+        """Set `stage` for the block. Whatever the block sets it to, its old value comes back."""
         outer, self.stage = self.stage, stage or self.stage
         try:
             yield
@@ -279,17 +284,18 @@ class Stopwatch:
     def paced(
         self, pieces: Iterable[T], works: Iterable[float], what: str, hint: str = ""
     ) -> Iterator[T]:
-        """Yield pieces of work as they are done, and report the time for the remaining pieces.
+        """Yield pieces of work as they are done, and estimate the time for the remaining pieces.
 
-        The time follows from the finished pieces on this machine. `works` has the amount of work of
-        each piece, in any unit; `what` names the work.
+        The estimate uses the time of the finished pieces. `works` has the amount of work of each
+        piece, in any unit. If the user is told, `what` names the work, and `hint` ends the text.
         """
         works = list(works)
         begin, first, done, whole, announced = -1.0, 0.0, 0.0, sum(works), False
         try:
             for piece, work in zip(pieces, works, strict=True):
                 done += work
-                if begin < 0:  # time counts from the first piece, when all threads are busy
+                # Time counts from the end of the first piece: then all threads are busy.
+                if begin < 0:
                     begin, first = self._clock(), done
                 spent = self._clock() - begin
                 if spent > PACED_FROM and done > first:
@@ -307,13 +313,13 @@ class Stopwatch:
         self.spans[name] = self.spans.get(name, 0.0) + seconds
 
     def beside(self) -> "Stopwatch":
-        """Return a new stopwatch for a part of the work, with the same notices and stop."""
+        """Return a new stopwatch for a part of the work, with the same `notify` and `progress`."""
         part = Stopwatch(self._clock)
         part.notify, part.progress = self.notify, self.progress
         return part
 
     def absorb(self, other: "Stopwatch") -> None:
-        """Add the measurements of another stopwatch."""
+        """Add the seconds and the work that another stopwatch has measured."""
         for name, seconds in other.spans.items():
             self.add(name, seconds)
         self.work += other.work
@@ -321,7 +327,7 @@ class Stopwatch:
 
     @property
     def nanoseconds(self) -> float:
-        """Time of a state in half a sweep."""
+        """Nanoseconds that a half sweep takes for each state."""
         return 1e9 * self.busy / self.work if self.work else 0.0
 
     def elapsed(self) -> float:

@@ -1,6 +1,7 @@
-"""Registry of members by name, of this package and of entry points of other packages.
+"""Registries of members by name, such as base distances and file formats.
 
-It imports nothing heavy, because the command line needs the names for its help.
+Members belong to this package, or to other packages, which declare them as entry points. A registry
+imports nothing slow, because the command line needs the names for its help.
 """
 
 import os
@@ -19,7 +20,7 @@ T = TypeVar("T")
 
 
 class EntryPoint(NamedTuple):
-    """Line of the ``entry_points.txt`` of an installed package."""
+    """One line of the ``entry_points.txt`` of an installed package."""
 
     package: str
     group: str
@@ -31,18 +32,18 @@ class EntryPoint(NamedTuple):
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Registry of members by name, which are imported when they are used.
+    """Mapping from names to members. A member is imported when it is used.
 
     Parameters
     ----------
     kind : str
-        Kind of the members, for messages.
+        Noun for a member in messages.
     group : str
         Group of the entry points of other packages.
     own : dict of str to str
-        Members of this package, in the same form: ``"module:attribute"``.
+        Place of each member of this package, written as in an entry point: ``"module:attribute"``.
     make : callable
-        Function that makes a member from a name and an attribute.
+        Function that receives the name and the imported attribute, and returns the member.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     @property
     def outside(self) -> dict[str, list[EntryPoint]]:
-        """Members of other packages by name; a name may have several."""
+        """Entry points of other packages by name; several packages can declare the same name."""
         members: dict[str, list[EntryPoint]] = {}
         for point in _entry_points(tuple(sys.path)):
             if point.group == self.group:
@@ -86,12 +87,12 @@ class Registry(Mapping[str, T], Generic[T]):
         return self._load(name, self.own[name])
 
     def chosen(self, name: object) -> T:
-        """Return the member that a user names.
+        """Return the member with a name that the user gave.
 
         Raises
         ------
         ConfigError
-            No member or several members have this name, or the package of the member fails.
+            No member or several members have this name. Or importing the member fails.
         """
         if not isinstance(name, str) or name not in self:
             raise ConfigError(f"no {self.kind} {quoted(name)}; there are {', '.join(self)}")
@@ -101,7 +102,11 @@ class Registry(Mapping[str, T], Generic[T]):
     def blamed(
         self, name: str, error: type[TgospaError] = ConfigError, where: str = ""
     ) -> Iterator[None]:
-        """Convert any error in a member of another package to one that names the package."""
+        """Turn an error in the block, which uses a member, into one that names its package.
+
+        Errors of members of this package, a `TgospaError` and a `MemoryError` stay as they are.
+        `error` is the class of the new error, and `where` begins its message.
+        """
         try:
             yield
         except (TgospaError, MemoryError):
@@ -119,14 +124,17 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 def load(place: str) -> Any:
-    """Import what is at ``"module:attribute"``."""
+    """Import and return the object at ``"module:attribute"``, or the module at ``"module"``."""
     module, _, attribute = place.partition(":")
     value: Any = import_module(module)
     return attrgetter(attribute)(value) if attribute else value
 
 
 def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a ``__getattr__`` for a package, which imports its names when they are used."""
+    """Return a ``__getattr__`` for a package, which imports a public name when it is first used.
+
+    `home` has the module of each name, relative to the package.
+    """
 
     def get(name: str) -> Any:
         if name not in home:
@@ -140,9 +148,9 @@ def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
 
 @cache
 def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Return the entry points of all packages in folders of the search path.
+    """Return the entry points of all packages that are installed in these folders.
 
-    importlib.metadata is not used, because it takes a third of the time of ``--help``.
+    importlib.metadata is not used, because it would take a third of the time of ``--help``.
     """
     packages: dict[str, list[EntryPoint]] = {}
     for folder in folders:
@@ -150,7 +158,7 @@ def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
             for item in sorted(os.listdir(folder or ".")):
                 if item.endswith((".dist-info", ".egg-info")):
                     package = item.rpartition(".")[0].partition("-")[0].replace("_", "-")
-                    if package not in packages:  # the first on the path is imported
+                    if package not in packages:  # Python imports the first one on its path
                         file = os.path.join(folder, item, "entry_points.txt")
                         packages[package] = list(_declared(package, file))
     return tuple(point for points in packages.values() for point in points)

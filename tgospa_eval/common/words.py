@@ -9,11 +9,12 @@ from importlib.util import find_spec
 from tgospa_eval.errors import ConfigError
 
 THOUSANDS = 1e9
-"""Numbers below this are written out, with commas."""
+"""Numbers below this are written without an exponent, with commas."""
 
 
 PLAIN_DECIMAL = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-"""Pattern of a plain decimal; Python also accepts 1_0, digits of any script, nan and inf."""
+"""Regular expression of a plain decimal. It does not match what Python accepts in addition: 1_0,
+digits of other scripts, nan and inf."""
 
 PLAIN_WHOLE = "[-+]?[0-9]{1,30}"
 
@@ -33,16 +34,16 @@ BYTES_OF = {"": 10**9, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 BYTES_OF |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
 
 MIN_MEMORY = 100 * 10**6
-"""Least number of bytes with which a process can work."""
+"""Smallest number of bytes with which a process can work."""
 
 
 def parsed_size(value: object) -> int:
-    """Parse a size to bytes: 4GB, 500MB, 1.5GiB; a plain number means GB.
+    """Return the bytes of a size such as 4GB, 500MB or 1.5GiB; a plain number means GB.
 
     Raises
     ------
     ConfigError
-        The text is not a size, or the size is out of the range of memories.
+        The text is not a size, or the size is less than `MIN_MEMORY` or at least 1 PiB.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ConfigError(f"{value!r} is not a size; write 4GB or 500MB")
@@ -59,9 +60,10 @@ def parsed_size(value: object) -> int:
 
 
 def shortest(value: float, noise: float) -> float:
-    """Return the number with the fewest digits within `noise` of the value.
+    """Return the number with the fewest digits, up to 5, that is within `noise` of the value.
 
-    A difference of timestamps has their rounding errors: 0.1 is better than 0.0999999.
+    Without such a number, return the value. A difference of timestamps may be 0.0999999 because of
+    rounding errors; 0.1 is shown instead.
     """
     shorter = (float(f"{value:.{digits}g}") for digits in range(1, 6))
     return next((short for short in shorter if abs(short - value) <= noise), value)
@@ -70,7 +72,7 @@ def shortest(value: float, noise: float) -> float:
 def number(value: float, digits: int = 6) -> str:
     """Format a value with this many significant digits, and commas between thousands.
 
-    Below `THOUSANDS` all digits before the point are written, after rounding.
+    Large values below `THOUSANDS` have no exponent: 1234567 becomes 1,234,570.
     """
     value = float(f"{value:.{digits}g}")
     if 10.0**digits <= abs(value) < THOUSANDS:
@@ -79,33 +81,33 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def plain(value: float) -> int | float:
-    """Format a number as people type it, without a decimal point if it is whole."""
+    """Return a whole number as an int, so that it is written without a decimal point."""
     return int(value) if value.is_integer() else value
 
 
 def counted(number: int, one: str, many: str = "") -> str:
-    """Format a count with its noun: 1 row, 2 rows; `many` is the plural if it is irregular.
+    """Format a count with its noun: 1 row, 2 rows.
 
     Parameters
     ----------
     number : int
         The count.
     one : str
-        Singular noun with the words that follow: ``"row has"``.
+        Singular, possibly with words that follow: ``"row has"``.
     many : str
-        Plural with the same words: ``"rows have"``.
+        Plural with these words: ``"rows have"``. By default, an s is added to `one`.
     """
     return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
 def sizes_in_words(sizes: Mapping[str, int]) -> str:
-    """Format the numbers of true objects, estimates and steps."""
+    """Format the counts of true objects, estimates and steps."""
     nouns = {"truth": "ground-truth object", "estimates": "estimate", "steps": "step"}
     return ", ".join(counted(sizes[name], noun) for name, noun in nouns.items())
 
 
 def more(count: int) -> str:
-    """Format the number of further mistakes of a kind."""
+    """Format how many mistakes of a kind there are besides the one that is shown."""
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
@@ -124,8 +126,9 @@ def in_both(steps: Mapping[str, int]) -> str:
 def install(extra: str) -> str:
     """Return the command that adds an extra to this installation.
 
-    pip keeps the installed package and fetches only the packages of the extra, so the package need
-    not be on an index. Environments of uv have no pip. Double quotes work in all shells.
+    The command works even if tgospa-eval is not on a package index: pip keeps the installed
+    version, and fetches only the packages of the extra. Environments of uv have no pip, so the
+    command for them begins with uv. Double quotes work in all shells.
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
     if find_spec("pip") is None:
@@ -134,7 +137,7 @@ def install(extra: str) -> str:
 
 
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Sort key: digits in a text compare as numbers."""
+    """Return a sort key for which digits in a text compare as numbers: a2 is before a10."""
     if text.isascii() and text.isdigit():  # most ids
         digits = text.lstrip("0")
         return [(0, len(digits), digits)], text

@@ -1,4 +1,4 @@
-"""Files and folders that get their names once they are complete, and locks on them."""
+"""Writing files and folders under temporary names until they are complete; locks; manifests."""
 
 import errno
 import hashlib
@@ -16,10 +16,10 @@ from tgospa_eval.common.files import named, patience, reason
 from tgospa_eval.errors import ConfigError
 
 FRESH = ".tgospa-eval-new-"
-"""Prefix of temporary names during writing; a process id follows."""
+"""Prefix of temporary names; the id of the writing process follows."""
 
 OLD = 3600.0
-"""Seconds after which a temporary name is abandoned."""
+"""Seconds without a change after which a file with a temporary name counts as abandoned."""
 
 
 def unique() -> str:
@@ -28,7 +28,10 @@ def unique() -> str:
 
 
 def is_left(path: Path) -> bool:
-    """Return whether the process that made a name by `unique` has ended."""
+    """Return whether a file with a name by `unique` is abandoned.
+
+    This is so if the process that made it has ended, or if the file is old.
+    """
     number = path.name.removeprefix(FRESH).partition("-")[0]
     try:
         if time.time() - path.stat().st_mtime > OLD:
@@ -43,16 +46,17 @@ def is_left(path: Path) -> bool:
 
 @contextmanager
 def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Iterator[Path]:
-    """Yield a path to write a file or a folder to, which is renamed when it is complete.
+    """Yield a temporary path, to which the block writes a file or folder; then rename it.
 
     Parameters
     ----------
     output : str or Path
-        Final name; folders above it are made.
+        Final path; folders above it are made.
     where : str
         Begin of the message about a full disk; by default the folder.
     shared : bool
-        Whether another process may finish the same folder at the same time.
+        Whether other processes may write the same folder at the same time. The first complete one
+        stays.
 
     Raises
     ------
@@ -70,7 +74,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
             if not (shared and target.is_dir()):
                 raise
     except OSError as error:
-        # NumPy's error has no errno, only the count of bytes not written.
+        # NumPy's error about a full disk has no errno, only a text with byte counts.
         is_of_numpy = error.errno is None and "requested" in str(error)
         if is_of_numpy or error.errno == errno.ENOSPC:
             why = "no space left on the disk" if is_of_numpy else reason(error)
@@ -87,14 +91,14 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
 
 @contextmanager
 def writing_folder(output: str | Path) -> Iterator[Path]:
-    """Make a folder like `writing`, where several processes may write."""
+    """Yield a new temporary folder, and rename it as `writing` does; it may be shared."""
     with writing(output, shared=True) as folder:
         folder.mkdir()
         yield folder
 
 
 def write_file(path: str, data: str | bytes, option: str) -> None:
-    """Write a temporary file, then rename it; `option` is used in messages.
+    """Write a file under a temporary name, then rename it; `option` begins messages.
 
     Raises
     ------
@@ -106,14 +110,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
     content = data.encode() if isinstance(data, str) else data
     where = f"{option} {path}"
     with named(where, ConfigError, "cannot be written"):
-        target = Path(os.path.realpath(path))  # replaces the target of a link, not the link
+        target = Path(os.path.realpath(path))  # of a link, the target is replaced
         if target.is_dir():
             raise ConfigError(f"{where}: is a folder; name a file")
-        if target.exists() and not target.is_file():  # a device or a pipe cannot be renamed over
+        if target.exists() and not target.is_file():  # renaming would remove a device or a pipe
             with patience(path, "a reader of"):
                 target.write_bytes(content)
             return
-        # tempfile makes files private, but CI has many users.
+        # The module tempfile is not used: only one user can read its files, but CI has several.
         with writing(target, where) as beside:
             beside.write_bytes(content)
             if target.exists():
@@ -127,12 +131,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
 def take_lock(
     file: IO[Any] | int, *, shared: bool = False, wait: bool = False, at: int = 0, size: int = 1
 ) -> bool:
-    """Lock an open file, on Windows some bytes of it; return whether it is a POSIX lock.
+    """Lock an open file. Return True, but False on Windows.
+
+    On Windows, only `size` bytes from `at` on are locked; `shared` and `wait` have no effect.
 
     Raises
     ------
     BlockingIOError, PermissionError
-        Another process has the lock, and `wait` is false.
+        Another process has the lock, and `wait` is false or has no effect.
     OSError
         The file system does not support locks.
     """
@@ -150,7 +156,10 @@ def take_lock(
 
 @contextmanager
 def turn(folder: Path) -> Iterator[bool]:
-    """Wait while other processes write a folder; yield whether the system can wait."""
+    """Wait while other processes write a folder, then lock it for the block.
+
+    The yielded value is False if the system cannot lock folders; then there was no wait.
+    """
     is_locked, at = False, None
     try:
         with suppress(OSError):  # Windows and some network file systems refuse
@@ -163,9 +172,9 @@ def turn(folder: Path) -> Iterator[bool]:
 
 
 # -------------------------------------------------------------------------------------------------
-# The manifest: what a run wrote into a folder, and what it is writing.
+# The manifest lists the files that a run wrote into a folder, or is writing.
 #
-# Without ``--force`` nothing else is replaced or removed.
+# Files that are not listed are never replaced or removed without ``--force``.
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
@@ -175,41 +184,44 @@ MANIFEST = {
     "kind": TEXT,
     "files": [Closed({"name": TEXT, "size": COUNT, "sha256": TEXT})],
 }
-"""Description of the fields of a manifest."""
+"""Description of the fields of a manifest, as in `documents`."""
 
 STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
-"""File that identifies the store of a batch, and its schema."""
+"""Name and schema of the file by which the store of a batch is recognised."""
 
 OF_DATA = ("simulate", "proof")
-"""Kinds of folders whose files are truth and estimate."""
+"""Kinds of folders that contain a truth and an estimate, so their files are not only results."""
 
 
 FileEntry = tuple[str, int, str]
-"""Written file: path in the folder with slashes, number of bytes, and SHA-256."""
+"""Entry of a file in the manifest: path in the folder (with slashes), size in bytes, SHA-256."""
 
 
 def entry(folder: Path, name: str) -> FileEntry:
-    """Return the entry of a file in the manifest."""
+    """Return the entry for a file of a folder."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return name, (folder / name).stat().st_size, digest
 
 
 def text_of(kind: str, files: Iterable[FileEntry]) -> str:
-    """Return the manifest of a folder; a name is repeated while its file is replaced."""
+    """Return the text of a manifest.
+
+    A path can have two entries: for the old and for the new file, while `replace_files` runs.
+    """
     listed = [dict(zip(("name", "size", "sha256"), entry, strict=True)) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 
 def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
-    """Return the entries of a folder of this kind; None for any other folder."""
+    """Return the entries of the manifest of a folder; None if the folder is not of this kind."""
     own, entries = _read(folder)
     return entries if own == kind else None
 
 
 def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
-    """Return the kind of a folder with a manifest, and its entries."""
+    """Return kind and entries from the manifest of a folder; kind None without a valid one."""
     try:
         document = checked((folder / NAME).read_bytes(), MANIFEST)
     except (FileNotFoundError, IsADirectoryError, ValueError):
@@ -220,7 +232,10 @@ def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
 
 
 def results_in(folder: Path) -> Callable[[str], bool]:
-    """Return a function that tells whether a path in a folder is a result; in a store all are."""
+    """Return a function that tells whether a path in this folder is a result of this program.
+
+    In the store of a batch, all files are results.
+    """
     with suppress(OSError, ValueError):
         checked((folder / STORE).read_bytes(), {"schema": one_of(STORE_SCHEMA)})
         return lambda _: True
@@ -231,7 +246,7 @@ def results_in(folder: Path) -> Callable[[str], bool]:
 
 
 def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
-    """Return the names of files that were not changed since they were written."""
+    """Return the paths of the listed files that have not changed since they were written."""
     return {
         known[0]
         for known in listed
@@ -242,20 +257,21 @@ def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
 
 
 def visible(path: Path) -> Iterator[Path]:
-    """Iterate over a folder without temporary files of an interrupted run."""
+    """Yield the content of a folder, without temporary files that an interrupted run left."""
     return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
 def replace_files(
     fresh: Path, path: Path, files: Collection[FileEntry], kind: str, document: str
 ) -> int:
-    """Replace the files of a folder; during this time the manifest lists old and new files.
+    """Move the files of the folder `fresh` into the folder `path`.
 
-    Return the number of removed files of an older run. The document is removed first and written
-    last.
+    First, the manifest is written with the old and the new files, and the file `document` is
+    removed. Then unchanged files of the older run that have no new version are removed, and the new
+    files are moved, the document last. The result is the number of files without a new version.
     """
     names = {name for name, *_ in files}
-    for name in names:  # errors appear before anything is removed
+    for name in names:  # first, so that an error comes before any file is removed
         (path / name).parent.mkdir(parents=True, exist_ok=True)
     old = read_manifest(path, kind) or ()
     stale = unchanged(path, old) - names
@@ -268,7 +284,8 @@ def replace_files(
             with suppress(OSError):  # the folder is not empty
                 (path / folder).rmdir()
     for name in sorted(names, key=lambda name: (name == document, name)):
-        (path / name).parent.mkdir(parents=True, exist_ok=True)  # the folder may be removed above
+        # Its folder may have been removed with the last old file.
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(fresh / name, path / name)
     os.replace(fresh / NAME, path / NAME)
     return len(stale)

@@ -1,1 +1,1 @@
-"""The pipeline from two sides to a proven number; data and solvers meet only here."""
+"""Pipeline from truth and estimate to a proven number; data and solvers meet only here."""

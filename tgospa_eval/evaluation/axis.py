@@ -1,4 +1,4 @@
-"""Selection of the evaluated steps, and both sides at these steps (docs/how-to/time.md)."""
+"""Selection of the evaluated steps, with truth and estimate at them (docs/how-to/time.md)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,12 +29,14 @@ TURN = 360.0
 """Degrees of a full turn in longitude."""
 
 SILENCE = 5
-"""Default length of an outage, in median intervals of the estimate's timestamps."""
+"""An outage is by default longer than this number of median intervals.
+
+The intervals are those between timestamps at which an estimate is near a true object."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outages:
-    """Times in which the estimate has no state within the cutoff of a true object.
+    """Long times in which the estimate has no state within the cutoff of a true object.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ class Outages:
     states : int
         Number of states of the truth at these timestamps.
     counted : bool
-        Whether these timestamps are steps.
+        Whether these timestamps count as steps.
     """
 
     lengths: Times
@@ -63,16 +65,16 @@ class Axis:
     sides : pair of Trajectories
         Truth and estimate.
     horizon : Trajectories
-        Side with the timestamps of the horizon: the truth as it was read, or declared steps.
+        Trajectories with the timestamps of the horizon, by default the truth as it was read.
     made : pair of str and tuple of int, optional
-        Name of the interpolated side, and three numbers of its states: interpolated, unchanged and
-        not used.
+        Interpolated side, "truth" or "estimate", and the numbers of its states that were
+        interpolated, unchanged, and not used.
     left_out : pair of int
-        Numbers of rows whose timestamps are not declared steps.
+        Numbers of rows of the truth, and of the estimate, that are not at declared steps.
     outages : Outages, optional
-        Outages of the estimate, if the truth is interpolated.
+        Outages of the estimate, if times of the estimate decide which steps count.
     reports : ClockReports, optional
-        Reports of the estimate on a common clock.
+        Reports of the estimate, if both sides are on a common clock.
     """
 
     sides: Sides
@@ -92,7 +94,10 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Return differences (N, d) that go the shorter way round in periodic components."""
+    """Return differences of states (N, d), the shorter way round in components with a period.
+
+    `periods` has the period of each component, infinite if there is none.
+    """
     if periods is None:
         return differences
     period = np.asarray(periods, np.float64)
@@ -113,9 +118,9 @@ def on_axis(
 ) -> Axis:
     """Return both sides at the requested steps.
 
-    If the truth is interpolated, only estimate states within the cutoff of a true object end an
-    outage, so false alarms do not. `across` marks states of the truth in gaps (see
-    `tracks.interpolation`).
+    An outage of the estimate ends with an estimate within the cutoff of a true object, not with a
+    false alarm. `across` is the name of the attribute that marks states of the truth in gaps. If it
+    is blank, the truth has no states there (see `tracks.interpolation`).
 
     Raises
     ------
@@ -148,7 +153,10 @@ def on_axis(
 def with_outages(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
 ) -> Axis:
-    """Add the outages of the estimate, if its timestamps decide which truth steps count."""
+    """Add the outages of the estimate, if times of the estimate decide which steps count.
+
+    If the truth was interpolated, this was done already.
+    """
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
     first, second = axis.sides
@@ -160,7 +168,10 @@ def with_outages(
 def _resampled(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:
-    """Return the truth at multiples of a duration, where reports of the estimate are held."""
+    """Return both sides on a common clock, at the multiples of `matching.resample`.
+
+    The truth is interpolated at these steps. Each report of the estimate holds for its period.
+    """
     truth = axis.horizon
     assert isinstance(matching.resample, Duration)
     tick_times = truth.times[:0]
@@ -201,7 +212,7 @@ def _resampled(
 
 
 def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
-    """Return the side; without rows to interpolate, it gets the timestamps of the other side."""
+    """Return the side as it is, or with the timestamps of `ticks` if it has no rows."""
     if len(side.step) or not len(ticks.times):
         return side
     return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
@@ -215,7 +226,10 @@ def _interpolated(
     cutoff: float,
     across: str,
 ) -> Axis:
-    """Return one side at the timestamps of the other, and at those of the truth in outages."""
+    """Return both sides after one is interpolated at the timestamps of the other.
+
+    An interpolated truth also has its own timestamps in outages of the estimate, if they count.
+    """
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
     make = partial(
@@ -252,7 +266,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # lazy: rarely needed
 
     return interpolated(
-        side.reduced_to(("gaussian", *distance.kinds)),  # Gaussians may have a NEES
+        side.reduced_to(("gaussian", *distance.kinds)),  # NEES needs the covariances
         other,
         max_gap=float(gap),
         tolerance=matching.near,
@@ -269,7 +283,7 @@ def _near(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Alignment, Pairs]:
-    """Return both sides at the steps of either side, and the pairs of rows within the cutoff."""
+    """Return both sides on all steps of truth or estimate, and their pairs within the cutoff."""
     pair = align(truth, estimate.reduced_to(distance.kinds), TimeMatching(tolerance=matching.near))
     resources = Resources(jobs=1, stopwatch=Stopwatch())
     distance = distance.fitted((pair.truth, pair.estimate))
@@ -284,10 +298,12 @@ def _find_outages(
     matching: TimeMatching,
     names: tuple[str, str],
 ) -> Outages | None:
-    """Return long intervals without an estimate near a true object.
+    """Return the outages of the estimate, or None if there are none.
 
-    Intervals end at timestamps with such an estimate, or at the first or last timestamp of the
-    truth. They are longer than `TimeMatching.outage`, by default than `SILENCE` median intervals.
+    `near_times` are the timestamps at which an estimate is near a true object. The first and the
+    last timestamp of the truth, and those of `near_times` between them, divide time into intervals.
+    An interval is an outage if it is longer than `TimeMatching.outage`. If that is not a duration,
+    it must be longer than `SILENCE` times the median time between consecutive `near_times`.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -303,7 +319,7 @@ def _find_outages(
     silent = lengths > longest
     if not silent.any():
         return None
-    # A timestamp of the truth belongs to the interval that ends at it or after it.
+    # A timestamp of the truth at the end of an interval belongs to it, not to the next one.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
     return Outages(
@@ -317,7 +333,11 @@ def _find_outages(
 def _stamped(
     times: Times, like: Trajectories, clock: str, labelled: Trajectories | None = None
 ) -> Trajectories:
-    """Return steps without rows; times are written as in `like` and `labelled`, or in ISO 8601."""
+    """Return trajectories without rows at these times.
+
+    Times that are not plain numbers get the texts that they have in `like` or `labelled`. If they
+    are in neither, their texts are in ISO 8601.
+    """
     labels = None
     if clock != "number":
         from tgospa_eval.tracks.conversion import iso  # lazy: rarely needed
@@ -334,7 +354,9 @@ def _stamped(
 
 
 def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> None:
-    """Check that some rows are at declared steps; `kept` is their number.
+    """Check that some rows are at declared steps, if steps are declared.
+
+    `kept` is the number of these rows. `left_out` has the numbers of all other rows of both sides.
 
     Raises
     ------
@@ -357,6 +379,8 @@ def truth_gaps(
     truth: Trajectories, axis: Axis, matching: TimeMatching, distance: Distance, cutoff: float
 ) -> tuple[Times, list[str], int] | None:
     """Return the gaps of an interpolated truth, and the number of estimate states in them.
+
+    The result is None if the truth is not interpolated, or has no gap.
 
     Parameters
     ----------
@@ -386,7 +410,7 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    if axis.reports is not None:  # reports count at their own timestamps
+    if axis.reports is not None:  # reports are compared with the truth at their own timestamps
         narrow = estimate = axis.reports.estimate
     line, _ = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_COUNTED

@@ -22,14 +22,16 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
 LARGEST = 1e100
-"""Largest NEES; a covariance with a larger one counts as singular, so that sums are finite."""
+"""Largest NEES. If it would be larger, the covariance counts as singular, so sums are finite."""
 
 PAIRS_TOGETHER = 1 << 16
 """Number of pairs whose particles are processed together."""
 
 
 def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
-    """Return NEES of each assigned pair, NaN where its covariance is singular, and sums.
+    """Return the NEES of each assigned pair, NaN where it does not count, and sums of all.
+
+    It does not count where the covariance is singular or the true object is ignored.
 
     The estimate must have covariances or particles.
     """
@@ -40,7 +42,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
-    if compared.reports is not None:  # with --resample: errors at the times of reports
+    if compared.reports is not None:  # on a common clock, errors are those at the times of reports
         names = np.array(compared.labels.truths, dtype=object)
         pair = compared.reports.located(names[problem.sides[0].track[rows[0]]], rows[1])
         states = pair[0].state, pair[1].state
@@ -58,7 +60,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
 
 
 def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
-    """Return the period of each component, infinite if there is none; None if all are infinite."""
+    """Return the period of each state column, infinite without; None if all are infinite."""
     periods = periods_of(distance, columns)
     return [periods.get(name, np.inf) for name in columns] if periods else None
 
@@ -69,7 +71,11 @@ def nees_of(
     rows: tuple[Ints, Ints],
     periods: Sequence[float] | None,
 ) -> Floats:
-    """Return NEES of pairs of rows of truth and estimate, from states and covariances."""
+    """Return the NEES of N pairs, (N,).
+
+    `states` and `spreads` have all states and their covariances: of the truth, and of the estimate.
+    `rows` has the row of the truth and the row of the estimate of each pair.
+    """
     packed = spreads[1][rows[1]].T
     if spreads[0] is not None:
         packed = packed + spreads[0][rows[0]].T
@@ -78,9 +84,10 @@ def nees_of(
 
 
 def squared(errors: Floats, factors: Floats) -> Floats:
-    """Return ``e' (L L')^-1 e`` of errors (d, N) and packed factors; NaN where L is singular.
+    """Return ``e' (L L')^-1 e`` for each of N pairs, (N,).
 
-    Values larger than `LARGEST` are NaN as well.
+    `errors` (d, N) has the error e of each pair. `factors` has its lower triangular matrix L as
+    packed rows. The result is NaN where L is singular, and where the value is above `LARGEST`.
     """
     d = len(errors)
     solved = np.empty_like(errors)
@@ -102,12 +109,13 @@ def ranks(
     weight: Floats,
     periods: Sequence[float] | None = None,
 ) -> Floats:
-    """Return the histogram (d, 10) of the ranks of true states among the particles, by component.
+    """Return a histogram of the ranks of true states among the particles, for each component.
 
-    Let n be the effective number of particles, 1 / (sum of squared weights), and S the weight of
-    particles below the true state, plus half the weight of equal particles. The rank is spread
-    evenly between n S / (n + 1) and (n S + 1) / (n + 1). Counts are flat if the particles are drawn
-    from the posterior, because the true state is then one more draw.
+    It has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of squared
+    weights). Let S be the weight of the particles below the true state, plus half the weight of
+    equal particles. The rank is spread evenly between n S / (n + 1) and (n S + 1) / (n + 1). If the
+    particles are drawn from the posterior, the true state is like one more draw, and the histogram
+    is flat.
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))

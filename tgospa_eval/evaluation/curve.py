@@ -1,11 +1,13 @@
 """The normalised curve: proven costs of the steps 1..k for each k (docs/theory/solvers.md).
 
-A solution of the whole problem brackets every prefix. A *prefix* is a component up to a step.
-A *suffix* has the last steps of a prefix. The assignment before a suffix stays as in the whole
-problem, and paths continue from the best values that they have reached there.
+The whole problem is that of all steps. A block is one of its components. A *prefix* is a block up
+to some step. A *suffix* has the last steps of a prefix. The solution of the whole problem gives a
+bracket of the cost of each prefix.
 
-Where the bracket of a prefix stays open, a suffix of it is solved, as short as possible. Many
-suffixes are solved together, in one problem that starts from the solution of the whole problem.
+If such a bracket is wider than requested, it is open. Then a suffix of the prefix is solved, as
+short as possible. Before the suffix, the assignment is that of the whole problem, and paths have
+the best values that they can reach there. Many suffixes are solved together in one problem. Its
+solver starts from the solution of the whole problem.
 """
 
 import itertools
@@ -42,20 +44,22 @@ from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 SIZE = 1 << 18
-"""Number of near pairs in the suffixes that are solved together."""
+"""Largest number of near pairs that are solved together, if there are several suffixes."""
 
 ENTERED = 1 - 1e-9
-"""A pair whose value is this share of the switch price below "none" was entered from "none"."""
+"""A pair was entered from "none" if its value is below that of "none" by the switch price.
+
+Because of rounding, this share of the switch price is sufficient."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Listed:
-    """Entries or objects of the problem, sorted by block and then by time.
+    """Near pairs, rows or tracks of the problem, sorted by block and then by step.
 
     Parameters
     ----------
     which : (L,) int array
-        Indices of the entries or rows.
+        Indices of the near pairs, rows or tracks.
     key : (L,) int array
         ``block * steps + step`` of each.
     steps : int
@@ -73,7 +77,10 @@ class _Listed:
         return cls(which=which[order], key=key[order], steps=steps)
 
     def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Return the first entry of each block from a step on, and the number up to an end step."""
+        """Return where the elements of each stretch begin in the list, and how many there are.
+
+        A stretch has the steps from `begin` to `end` of a block.
+        """
         block = block * np.int64(self.steps)
         low = np.searchsorted(self.key, block + begin)
         return low, np.searchsorted(self.key, block + end, "right") - low
@@ -81,20 +88,22 @@ class _Listed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Before:
-    """State of the pairs at the step before each suffix; arrays are (H,), by suffix and pair.
+    """Assignment and best values at the step before each suffix.
+
+    The arrays (H,) have an element for each listed pair of each suffix, sorted by suffix and pair.
+    A pair is listed if it is near in the suffix or assigned at the step before.
 
     Parameters
     ----------
     ending : int array
-        Number of the suffix.
+        Index of the suffix.
     pair : int array
-        Pair that is near in the suffix or assigned before it.
+        Index of the pair.
     weight : int array
         Weight of the pair in the whole solution, in units of 1/ONE.
     value, none, other : float arrays
-        Upper bounds of the best value that the row of a pair can have up to this step. At this
-        step the row is in the pair (`value`), in "none", or in a pair that is not listed
-        (`other`).
+        Upper bounds of the best value that the row of the pair can have up to this step. They are
+        for paths that are, at this step, in the pair, in "none", or in a pair that is not listed.
     """
 
     ending: Ints
@@ -118,16 +127,16 @@ class SuffixProblem:
     Parameters
     ----------
     problem : Problem
-        All suffixes, one after the other. If values at the step before a suffix are known, it
-        begins with this step, at which each listed pair gains its value above "none".
+        All suffixes, one after the other in time. If `before` has the values of a suffix, the step
+        before it is included. There, the gain of a pair is its value above that of "none".
     origin : tuple of int arrays
-        Truths, estimates and steps of the whole problem to which those of this problem belong.
+        For each object, estimate and step of this problem, its index in the whole problem.
     block, begin, end : (E,) int arrays
         Block, and first and last step of each suffix in the whole problem.
     first : (E,) int array
-        First step of each suffix in the problem, including the step before the suffix.
+        First step of each suffix in this problem; the step before the suffix counts, if included.
     before : Before
-        State of the pairs at the step before each suffix.
+        Assignment and best values at the step before each suffix.
     """
 
     problem: Problem
@@ -145,19 +154,22 @@ class SuffixProblem:
 
     @property
     def ending(self) -> Ints:
-        """Suffix of each step of the problem, (T,)."""
+        """Index of the suffix of each step of the problem, (T,)."""
         return np.repeat(np.arange(len(self.first)), np.diff(self.first, append=self.problem.steps))
 
     @property
     def own(self) -> Ints:
-        """Steps of the problem that are not the step before a suffix."""
+        """Steps of the problem without those before the suffixes."""
         at = np.ones(self.problem.steps, bool)
         at[self.first[self.before.ending]] = False
         return np.flatnonzero(at)
 
 
 class Suffixes:
-    """Suffixes of prefixes of a problem with the assignment `weights` (S,), in units of 1/ONE."""
+    """Suffixes of the whole problem, from which problems of their own are made.
+
+    `weights` (S,) is the assignment of the whole problem, in units of 1/ONE.
+    """
 
     def __init__(self, states: States, weights: Ints) -> None:
         self.states, self.weights = states, weights
@@ -186,7 +198,10 @@ class Suffixes:
             self._sides.append((objects, place, members, number))
 
     def groups(self, block: Ints, begin: Ints, end: Ints) -> list[slice]:
-        """Return slices of neighbours with fewer than SIZE entries together, or of one suffix."""
+        """Divide suffixes into groups, which are slices of the given arrays.
+
+        A group has fewer than `SIZE` near pairs, or is a single suffix.
+        """
         size = np.cumsum(self._entries.spans(block, begin, end)[1])
         bounds = [0]
         while bounds[-1] < len(block):
@@ -195,7 +210,10 @@ class Suffixes:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def pairs(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Return suffix and pair, in order, of pairs that come near or are assigned before it."""
+        """Return the listed pairs of all suffixes: indices of suffix and pair, sorted.
+
+        They are the pairs that are near in the suffix or assigned at the step before it.
+        """
         size = np.int64(len(self.states.pair_row))
         taken, ending = _ranges(*self._entries.spans(block, begin, end))
         near = self._pair_of[self._entries.which[taken]]
@@ -209,7 +227,7 @@ class Suffixes:
         return suffix, pair
 
     def assigned(self, pair: Ints, step: Ints) -> Ints:
-        """Return the weights of pairs in the whole solution, at steps inside their blocks."""
+        """Return the weights of pairs at steps of their blocks, in the whole solution."""
         key = pair * np.int64(self.states.problem.steps) + step
         weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
         return weights
@@ -278,10 +296,10 @@ class Suffixes:
         )
 
     def _worth(self, begin: Ints, before: Before) -> Floats:
-        """Return the value of listed pairs relative to "none", which may be negative.
+        """Return how much better each listed pair is than "none" at the step before a suffix.
 
-        A pair that was entered from "none" can be entered later at no loss. Its value is set even
-        lower, because ties take time.
+        The result may be negative. A pair that was entered from "none" can be entered later as
+        well, without loss. Its result is made smaller, because a tie costs the solver time.
         """
         price = self.states.problem.switch_price_at[begin][before.ending]
         worth: Floats = before.value - np.maximum(before.none, before.other - price)
@@ -289,12 +307,14 @@ class Suffixes:
 
 
 class _Mixed:
-    """Merged order of two lists, by suffix; in each suffix the second list comes first.
+    """Order of two lists after they are merged by suffix.
+
+    The elements of one suffix stay together, and those of the second list come first.
 
     Parameters
     ----------
     ending, other : int arrays
-        Suffix of each element of the first list, and of the second list, in order.
+        Index of the suffix of each element of the first list, and of the second list, sorted.
     suffixes : int
         Number of suffixes.
 
@@ -318,16 +338,21 @@ class _Mixed:
 
 
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Return the numbers of each range, range by range, and the range of each number."""
+    """Return all integers of the ranges, range by range, and the index of the range of each.
+
+    A range has `count` integers, from `low` on.
+    """
     return concatenated(low, count), np.repeat(np.arange(len(low)), count)
 
 
 # -------------------------------------------------------------------------------------------------
-# Bounds of prefixes by solving their suffixes (docs/theory/solvers.md, "The curve").
+# Bounds of prefixes from solutions of their suffixes (docs/theory/solvers.md, "The curve").
 
 
 class SeparateStretches:
-    """Stretches of steps of blocks as separate problems, solved together.
+    """Stretches of blocks, each with steps from `begin` to `end`, that are solved together.
+
+    Each stretch is a problem of its own: the steps before it do not matter.
 
     Parameters
     ----------
@@ -347,7 +372,7 @@ class SeparateStretches:
         self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
     def of_whole(self) -> tuple[Floats, Floats, Floats]:
-        """Return the proof from the solution of the whole problem, in the form of `solve`."""
+        """Return the results of `solve` for the solution of the whole problem, without solving."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
@@ -359,9 +384,9 @@ class SeparateStretches:
         Returns
         -------
         parts : (4, N) float array
-            Cost by kind.
+            Localisation, missed, false and switch cost of each stretch.
         lower : (N,) float array
-            Lower bound of the least possible cost.
+            Lower bound of the optimal cost.
         error : (N,) float array
             Bound of the rounding error by which the sum of the parts may be too small.
         """
@@ -383,16 +408,16 @@ class SeparateStretches:
 
 
 class SuffixSolver:
-    """Prefixes that keep the whole solution before some step, and are solved from this step on.
+    """Solver of suffixes, before which the assignment is that of the whole problem.
 
-    Calls of `solve` must come in the order of these steps.
+    Calls of `solve` must be in the order of the first steps of the suffixes.
 
     Parameters
     ----------
     suffixes : Suffixes
         Suffixes of the whole problem.
     prefixes : PrefixBounds
-        Bounds of all prefixes that the solution of the whole problem proves.
+        Bounds of all prefixes, as the solution of the whole problem proves them.
     saved : SavedSolution
         Solution of the whole problem.
     """
@@ -409,14 +434,15 @@ class SuffixSolver:
     ) -> tuple[Ints, Floats, Floats, Floats]:
         """Solve suffixes that begin after the first step of their block.
 
-        Returns the cells of all steps of the suffixes, with duplicates, and for each cell the
-        values of `SeparateStretches.solve`.
+        A cell is a prefix: a block and its last step. Each step of a suffix ends a prefix. The
+        result has these cells, some of them several times. For each cell it has the bounds of the
+        prefix, in the form of `SeparateStretches.solve`.
         """
         before, rest = self._before(block, begin, end)
         joint = self.suffixes.make_problem(block, begin, end, before)
         states = merge_runs(joint.problem, transpose=False)
         warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
-        # The values include the cost up to the step before.
+        # The best values at the step before a suffix include the prices up to this step.
         until_then = np.zeros(joint.problem.steps, bool)
         until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
@@ -427,7 +453,10 @@ class SuffixSolver:
         return concatenated(self.prefixes.cells.of(block, begin), joint.length), parts, lower, error
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
-        """Return the state before suffixes, and sums of values of rows without a listed pair."""
+        """Return the state before suffixes, and two sums over the rows without a listed pair.
+
+        The sums (2, E) are those of the best values of these rows, and of their absolute values.
+        """
         moves = self.prefixes.moves
         row_block = self.suffixes.states.node_block[moves.rows]
         ending, pair = self.suffixes.pairs(block, begin, end)
@@ -457,7 +486,7 @@ class SuffixSolver:
         return before, rest
 
     def _listed(self, joint: SuffixProblem, states: States) -> Ints:
-        """Return the place in `Before` of each pair."""
+        """Return the index in `Before` of each pair of the joint problem."""
         whole, before = self.suffixes.states, joint.before
         truths, estimates = np.int64(whole.problem.truths), np.int64(whole.problem.estimates)
         known = before.ending * truths + whole.pair_truth[before.pair]
@@ -472,12 +501,15 @@ class SuffixSolver:
     def _costs(
         self, joint: SuffixProblem, states: States, listed: Ints, weights: Ints
     ) -> tuple[Floats, Floats]:
-        """Return the cost by kind, and its error, up to each step of each suffix."""
+        """Return the four kinds of cost, and a bound of their error, of each prefix.
+
+        There is a prefix for each step of each suffix.
+        """
         split = break_down(states, weights)
-        # Switches into the first step start from the whole assignment before it.
+        # A switch at the first step of a suffix is a change of the whole assignment before it.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # Blocks of a single step do not change after it.
+        # A pair whose block has only the step before the suffix does not change.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -493,12 +525,12 @@ class SuffixSolver:
     def _lower(
         self, joint: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
     ) -> Floats:
-        """Return the lower bound up to each step of each suffix."""
+        """Return the lower bound of each prefix, one for each step of each suffix."""
         prefixes, slots, before = self.prefixes, states.columns, joint.before
         moves = RowMoves.of(states, offsets(states), prices, since=joint.first[joint.ending] + 1)
         of_row = joint.ending[states.block_begin[states.node_block[moves.rows]]]
         reached = before.value[listed]
-        opens = states.pair_first[:-1]  # the price at the step before
+        opens = states.pair_first[:-1]  # states at the step before a suffix
         pays = np.flatnonzero(slots.end[opens] > slots.begin[opens])
         reached[pays] = up(reached[pays] - prices[slots.begin[opens[pays]]])
         some = listed[moves.first]
@@ -522,7 +554,10 @@ class SuffixSolver:
 
 
 def _running(value: Floats, length: Ints) -> Floats:
-    """Return running sums in each row, separately for parts of these lengths."""
+    """Return the running sums of each row of `value`, which begin anew in each part.
+
+    `length` has the lengths of the parts.
+    """
     total = np.empty_like(value)
     for low, high in itertools.pairwise(np.concatenate(([0], np.cumsum(length))).tolist()):
         np.cumsum(value[:, low:high], axis=1, out=total[:, low:high])
@@ -530,14 +565,14 @@ def _running(value: Floats, length: Ints) -> Floats:
 
 
 def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
-    """Bound the error of costs by kind, which sum the steps of a suffix and its states."""
+    """Return a bound of the rounding error of the costs `parts` of stretches."""
     terms = int(np.bincount(states.begin, minlength=1).max())
     error: Floats = parts.sum(axis=0) * (length + 2 * terms + 16) * ROUNDOFF
     return error
 
 
 def unpaired_by_step(states: States) -> Floats:
-    """Return the cost at each step of true states and estimates without a near pair, (2, T)."""
+    """Return the cost of states of truth and estimate without a near pair, by step, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
     for own, side in zip(total, problem.sides, strict=True):
@@ -548,7 +583,7 @@ def unpaired_by_step(states: States) -> Floats:
 
 
 def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Return the lower bound of each block, (B,), only of objects and steps with a near pair."""
+    """Return the lower bound of each block, (B,); states without a near pair are left out."""
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
@@ -563,7 +598,9 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 
 
 SPAN = 8
-"""Steps of the first suffixes: the fastest of 8, 12, 16, 24 and 32 for 20 and for 100 objects."""
+"""Number of steps of the first suffixes.
+
+It was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
 
 
 def trace(
@@ -574,7 +611,9 @@ def trace(
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Brackets:
-    """Return the curve of a solved problem; its last point is the bracket of the whole.
+    """Return the curve of a solved problem: a bracket of the cost of the steps 1 to k, for each k.
+
+    The last bracket is that of the whole problem.
 
     Parameters
     ----------
@@ -585,11 +624,12 @@ def trace(
     prices : (K,) float array
         Prices of the column slots, 0 or more.
     solver : Certified
-        Solver of the suffixes, with its gap; its time limit is the total for all suffixes.
+        Solver of the suffixes. Its gap is that of the curve, and its time limit is for all suffixes
+        together.
     reduced : tuple of Reduced
         Bounds of the whole problem at smaller cutoffs.
     progress : Progress, optional
-        Receiver of the share that is done. After a stop, brackets not yet begun stay open.
+        Receiver of the share that is done. It can stop the work; then some brackets stay open.
     """
     progress = progress or Progress()
     prices = fair_prices(prices)
@@ -612,7 +652,7 @@ def trace(
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
     shown[1:3] += unpaired_costs
-    # Costs of objects without a near pair are sums of this many prices.
+    # The cost of states without a near pair is a sum of at most this many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
     unsure = (
         0.0
@@ -638,7 +678,10 @@ def trace(
 
 
 class _Brackets:
-    """Costs by kind and a lower bound of each cell, and whether its bracket is too wide."""
+    """Bracket of each cell: its four kinds of cost, their error, and a lower bound.
+
+    `open` is a mask of the cells whose bracket must still become narrower.
+    """
 
     def __init__(
         self, *, cells: Cells, parts: Floats, lower: Floats, error: Floats, gap: float
@@ -649,12 +692,12 @@ class _Brackets:
 
     @property
     def wide(self) -> Mask:
-        """Mask of brackets that are wider than the gap."""
+        """Mask of the cells whose bracket is wider than the gap allows."""
         wide: Mask = self.cost + self.error - self.lower > self.gap * self.cost
         return wide
 
     def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
-        """Keep the better bounds."""
+        """Keep new bounds where they are better; a cell may have several."""
         np.maximum.at(self.lower, cell, lower)
         cost = parts.sum(axis=0)
         order = np.lexsort((cost, cell))
@@ -674,9 +717,10 @@ def _narrow(
     solver: Certified,
     progress: Progress,
 ) -> None:
-    """Solve suffixes of open prefixes, first of a few steps, then of twice as many, and so on.
+    """Solve suffixes of prefixes with an open bracket, until no bracket is open.
 
-    Blocks marked in `from_begin` (B,) are solved from their first step at once.
+    Suffixes have few steps first, then twice as many, and so on. The mask `from_begin` (B,) marks
+    blocks whose prefixes are solved as a whole at once.
     """
     limit = Limit.of(solver.time_limit, progress)
     cells, span, open_at_start = brackets.cells, SPAN, np.count_nonzero(brackets.open)
@@ -695,7 +739,7 @@ def _narrow(
                     return
                 progress.again("the curve", 1 - np.count_nonzero(brackets.open) / open_at_start)
                 own = at[group]
-                own = own[brackets.open[cell[own]]]  # other stretches may have closed the bracket
+                own = own[brackets.open[cell[own]]]  # other suffixes may have closed the bracket
                 if not len(own):
                     continue
                 timed = _for_the_rest(solver, limit)
@@ -712,7 +756,7 @@ def _narrow(
 
 
 def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
-    """Return the solver for the remaining time, and a separate stopwatch without display."""
+    """Return the solver with the remaining time as limit, and a stopwatch that shows nothing."""
     stopwatch, left = Stopwatch(), limit.left()
     stopwatch.progress = limit.progress.silent()
     return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch
@@ -721,9 +765,10 @@ def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch
 # -------------------------------------------------------------------------------------------------
 # Sliding windows: proven costs of separate stretches of steps (docs/theory/solvers.md).
 #
-# A component with all its steps in a window has the same cost there as in the whole problem. The
-# stretch of any other component in the window is a separate problem. The assignment and prices of
-# the whole problem bracket its cost. Open brackets are solved from that start, many together.
+# A block with all its steps in a window has the same cost there as in the whole problem. The part
+# of any other block in the window is a stretch, which is a problem of its own. The assignment and
+# the prices of the whole problem give a bracket of its cost. If this is too wide, the stretch is
+# solved, together with many others. The solver starts from this assignment and these prices.
 
 
 def slide(
@@ -735,7 +780,7 @@ def slide(
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Windows:
-    """Return the windows of a solved problem.
+    """Return a bracket of the cost of each window of a solved problem.
 
     Parameters
     ----------
@@ -746,14 +791,15 @@ def slide(
     prices : (K,) float array
         Prices of the column slots, 0 or more.
     solver : Certified
-        Solver of the stretches, with its gap; its time limit is the total for all stretches.
+        Solver of the stretches. Its gap is that of the windows, and its time limit is for all
+        stretches together.
     spans : pair of (K,) int arrays
         First and last step of each window, in order.
     reduced : tuple of Reduced
         Bounds of the whole problem at smaller cutoffs.
     progress : Progress, optional
-        Receiver of the share that is done. After a stop, stretches not yet begun keep the bracket
-        that the solution of the whole problem proves.
+        Receiver of the share that is done. It can stop the work; then some stretches keep the
+        bracket that the solution of the whole problem proves.
     """
     problem = states.problem
     first, last = spans
@@ -778,14 +824,14 @@ def slide(
 
 
 def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Return the distinct stretches of blocks in the windows.
+    """Return the stretches of blocks in the windows; equal ones only once.
 
     Returns
     -------
     stretches : (3, N) int array
         Block, and first and last step of each stretch.
     parts : pair of (M,) int arrays
-        Window, and a stretch in it.
+        Indices of the window and of the stretch, for each stretch in each window.
     """
     opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
     low = np.searchsorted(last, opens)
@@ -804,7 +850,7 @@ def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[In
 def _of_blocks(
     states: States, weights: Ints, prices: Floats, reduced: tuple[Reduced, ...], block: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Return costs by kind, lower bound and error of whole blocks."""
+    """Return the results of `SeparateStretches.solve` for the whole blocks `block`."""
     if not len(block):
         return np.zeros((4, 0)), np.zeros(0), np.zeros(0)
     cells = Cells.of_blocks(states)
@@ -816,7 +862,7 @@ def _of_blocks(
 def _solved(
     stretches: SeparateStretches, solver: Certified, limit: Limit
 ) -> tuple[Floats, Floats, Floats]:
-    """Return costs by kind, lower bound and error, as narrow as requested if time allows."""
+    """Return the results of `SeparateStretches.solve`; solve only if needed and time is left."""
     known = stretches.of_whole()
     parts, lower, error = known
     cost = parts.sum(axis=0)
@@ -838,7 +884,10 @@ def _added(
     of_windows: tuple[Ints, Ints],
     spans: tuple[Ints, Ints],
 ) -> Windows:
-    """Sum the stretches of each window, and its objects without a near pair."""
+    """Sum, for each window, the costs of its stretches and of states without a near pair.
+
+    `bounds` has the four kinds of cost, the lower bound and the error of each stretch.
+    """
     (first, last), parts, lower_bounds, error = spans, bounds[:4], bounds[4], bounds[5]
     window, stretch = of_windows
 

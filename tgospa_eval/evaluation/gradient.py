@@ -1,8 +1,8 @@
-"""Derivatives of a result: those of the cost of its assignment, which is kept fixed.
+"""Derivatives of a result, computed as those of the cost of its assignment.
 
-The metric is a minimum over assignments. By the envelope theorem (Danskin), its derivative is the
-derivative of the cost at the best assignment, where the best one is unique. Otherwise this is a
-subgradient of the minimum's directional derivatives (docs/how-to/gradient.md).
+The total is a minimum of the cost over assignments. If the best assignment is unique, the total has
+the same derivative as the cost of this assignment (envelope theorem, Danskin). If several are best,
+the total may have a kink, and the derivative is one-sided (docs/how-to/gradient.md).
 """
 
 import math
@@ -23,7 +23,10 @@ from tgospa_eval.results.gradient import Gradient
 
 
 def gradient(result: PairEvaluation) -> Gradient:
-    """Return derivatives of the total with respect to estimate states, cutoff, switch penalty."""
+    """Return the derivatives of the total with respect to the estimate and to parameters.
+
+    The parameters are the cutoff and the switch penalty.
+    """
     sides, request = source_of(result)
     if sides.alignment.reports is not None:
         raise ConfigError(
@@ -45,7 +48,7 @@ def gradient(result: PairEvaluation) -> Gradient:
     change = share * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
     mismatch = result.scale * float(np.sum(problem.mismatch(entry) * (proof.weights[used] / ONE)))
     total, particles, first = _moved(sides, request.distance, pairs, change)
-    at_zero = math.nan if p == 1 else 0.0  # free switches: any number of them is best
+    at_zero = math.nan if p == 1 else 0.0  # switches are free, so their number is arbitrary
     return Gradient(
         total=total,
         particles=particles,
@@ -64,12 +67,27 @@ def gradient(result: PairEvaluation) -> Gradient:
 def _moved(
     fitted: AlignedPair, given: Distance, pairs: Pairs, change: Floats
 ) -> tuple[Floats, Floats | None, Ints | None]:
-    """Return derivatives with respect to the estimate: states, particles and first particles.
+    """Return the derivatives of the total with respect to the estimate.
 
-    They are arrays for R states (R, d), P particles (P, d), and the index of the first particle of
-    each state (R + 1,). The last two may be None. `given` is the distance before it is
-    fitted to the data. `change` (N,) is the derivative of the total with respect to the distance of
-    each of N pairs.
+    Parameters
+    ----------
+    fitted : AlignedPair
+        Truth and estimate, with the distance fitted to them.
+    given : Distance
+        Distance before it was fitted.
+    pairs : Pairs
+        The N assigned pairs.
+    change : (N,) float array
+        Derivative of the total with respect to the distance of each pair.
+
+    Returns
+    -------
+    total : (R, d) float array
+        Derivative with respect to each state of the estimate.
+    particles : (P, d) float array or None
+        Derivative with respect to each particle.
+    first : (R + 1,) int array or None
+        Index of the first particle of each state.
     """
     aligned, distance = fitted.alignment, fitted.distance
     sides = aligned.truth.reduced_to(distance.kinds), aligned.estimate.reduced_to(distance.kinds)

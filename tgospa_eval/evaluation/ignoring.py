@@ -1,4 +1,4 @@
-"""Rules for states that are not evaluated: truth attributes, marks, and steps without truth.
+"""Rules for states that are not evaluated: attributes, marks, regions, steps without truth.
 
 Their effect on the numbers is defined in `problem.metric_family.ignore_states`.
 """
@@ -66,7 +66,8 @@ class Condition:
         Raises
         ------
         ConfigError
-            Texts are compared by size, or numbers with a text.
+            The column has texts, but the rule compares by size. Or the column has numbers, but the
+            rule has a text.
         """
         numbers = [parsed(text) for text in self.values]
         if self.sign == "=":
@@ -104,8 +105,8 @@ class Ignoring:
     regions : Regions, optional
         Regions in which states of the estimate are excused.
     max_speed : float
-        Largest speed at which true objects may leave the line across a gap, in units of states per
-        second, or per unit of the timestamps.
+        Largest speed at which a true object may move away from the straight line across a gap: in
+        units of the states per second, or per unit of the timestamps.
     """
 
     texts: tuple[str, ...] = ()
@@ -135,12 +136,12 @@ class Ignoring:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns that readers must look for."""
+        """Columns of the files that the rules need, besides the class."""
         marks = (column for rule, column in MARKS.items() if rule in self.texts)
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Return both sides with the marks that follow from the content of the files.
+        """Mark the rows of both sides that the rules select by columns of the files.
 
         Raises
         ------
@@ -155,12 +156,12 @@ class Ignoring:
         return replace(truth, notices=(*truth.notices, *absent)), estimate
 
     def check_marks(self, attributes: Sequence[Container[str]], names: Sequence[str]) -> None:
-        """Check that a side has the marks that the rules need.
+        """Check that both sides have the columns of marks that the rules need.
 
         Raises
         ------
         ConfigError
-            A side lacks these marks.
+            A side lacks such a column.
         """
         for (rule, column), there, name in zip(MARKS.items(), attributes, names, strict=True):
             if rule in self.texts and column not in there:
@@ -168,9 +169,10 @@ class Ignoring:
                 raise ConfigError(f"{option('ignore', rule)}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
-        """Return the rules with classes as the truth writes them, and messages on absent classes.
+        """Return the rules with classes as the truth spells them, and messages on absent classes.
 
-        An absent class is not an error, because one recording of many may lack it.
+        `named` are the classes of the truth. An absent class is not an error, because one recording
+        of many may lack it.
         """
         conditions, absent = [], []
         for rule in self.conditions:
@@ -187,7 +189,7 @@ class Ignoring:
         return replace(self, conditions=tuple(conditions)), absent
 
     def marked(self, side: Reading, role: str, name: str) -> Reading:
-        """Return one side with the marks that follow from the content of its file.
+        """Mark the rows of one side that the rules select by columns of its file.
 
         Raises
         ------
@@ -208,13 +210,16 @@ class Ignoring:
         return replace(side, trajectories=marked(side.trajectories, rows))
 
     def ignore_inside(self, truth: Trajectories, tolerance: float, name: str) -> Trajectories:
-        """Return the truth with the rows in a region marked, if a rule says so."""
+        """Mark the rows of the truth in a region as ignored, if a rule says so."""
         if self.regions is None or IN_REGIONS not in self.texts or not len(truth.step):
             return truth
         return marked(truth, inside(self.regions, truth, tolerance, name))
 
     def messages(self, *, ignored: bool, excused: bool) -> Iterator[str]:
-        """Yield a message if regions excuse no estimate, and one if rules match no state."""
+        """Yield a message if the regions excuse no estimate, and one if the rules mark no state.
+
+        `ignored` and `excused` say that some rows of the truth, and of the estimate, are marked.
+        """
         if self.regions is not None and not excused:
             what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
             yield f"{self.regions.name}: {what}"
@@ -224,7 +229,7 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Return the estimate with marks on rows in a region, or at no time of the truth."""
+        """Mark rows of the estimate: those in a region, and by a rule those at no truth step."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)
@@ -237,7 +242,7 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """Parse texts, each of which has one or more rules; `max_speed` is for gaps of the truth.
+    """Parse texts, each of which has one or more rules; `max_speed` is that of `Ignoring`.
 
     Raises
     ------

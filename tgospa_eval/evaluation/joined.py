@@ -1,6 +1,7 @@
-"""Many small pairs as one problem, one after the other in time, with separate results.
+"""Many small evaluations as one problem, one after the other in time, with separate results.
 
-Two pairs share no step, object or component. Search, reduction, trivial components and certificate
+A pair here is the truth and the estimate of one evaluation. Two pairs share no step, object or
+component. So the search, the reduction, the solution of trivial components and the certificate
 process all pairs at once. A pair with components that need a solver is solved separately.
 """
 
@@ -59,11 +60,14 @@ from tgospa_eval.solvers.trivial import solve_steps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SURELY = 1.001
-"""Factor by which a limit must be exceeded, because sums are rounded differently."""
+"""Factor by which limits of `diagnose` are stricter here, because sums round differently."""
 
 
 def can_be_joined(request: EvaluationRequest) -> bool:
-    """Return whether pairs of a request can be evaluated together: the plain metric of points."""
+    """Return whether this request allows evaluating pairs together.
+
+    It must ask for the plain metric of points, without further results.
+    """
     solver, distance = request.solver, request.distance
     return (
         bool(kernels)
@@ -79,7 +83,11 @@ def can_be_joined(request: EvaluationRequest) -> bool:
 
 
 def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
-    """Return whether a pair has points, the distance of the first, and exact coordinates."""
+    """Return whether a pair can be evaluated together with the pair `first`.
+
+    It must have the same distance and columns. Its states must be points with coordinates below
+    `LARGE`.
+    """
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
         pair.alignment.reports is None
@@ -91,21 +99,21 @@ def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
 
 
 class JoinedPairs:
-    """Pairs of sides as one problem, one after the other in time.
+    """Pairs of truth and estimate as one problem, one after the other in time.
 
     Parameters
     ----------
     pairs : sequence of AlignedPair
-        Pairs to evaluate, each like the first (`is_like`).
+        The N pairs to evaluate; `is_like` is true for each pair and the first one.
     request : EvaluationRequest
         Request for which `can_be_joined` is true.
 
     Attributes
     ----------
     steps : (N + 1,) int array
-        First step of each pair, and the end of the last one.
+        First step of each pair, and the number of all steps.
     tracks, rows : lists of two (N + 1,) int arrays
-        First track and first row of each pair on either side, and the end of the last one.
+        First track and first row of each pair, and the number of all, for truth and estimate.
     """
 
     def __init__(self, pairs: Sequence[AlignedPair], request: EvaluationRequest) -> None:
@@ -122,7 +130,7 @@ class JoinedPairs:
         self.distance, self.sides = pairs[0].distance, (sides[0], sides[1])
 
     def reduced(self) -> States:
-        """Return the problem of all pairs, and note the parts of each pair in it."""
+        """Return the reduced problem of all pairs, and store where each pair is in it."""
         resources = Resources(jobs=1)
         prepared, distance = self.distance.prepared(self.sides, resources)
         near = prepared_pairs(prepared, self.parameters.cutoff, distance, resources)
@@ -151,10 +159,10 @@ class JoinedPairs:
         )
 
     def sound(self) -> Mask:
-        """Return a mask of pairs in which `diagnose` finds nothing wrong; others are undecided.
+        """Return a mask of the pairs in which `diagnose` would surely see nothing wrong.
 
-        The first tests of `diagnose` run at the same steps for all pairs at once. A pair close to a
-        limit is not sound.
+        Here the first tests of `diagnose` run for all pairs at once, at the steps that it would
+        use. A pair close to a limit is not marked. All pairs that are not marked need `diagnose`.
         """
         sides, count = self.sides, len(self.steps) - 1
         both = places_of(occupied(sides[0]) & occupied(sides[1]))
@@ -183,7 +191,10 @@ class JoinedPairs:
         return sound & ~self._moved(here, looked_at[0], steps, pair)
 
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
-        """Return a mask of pairs whose near states may mostly differ by one displacement."""
+        """Return a mask of pairs in which one displacement may explain most of the distances.
+
+        `pair` has the pair of truth and estimate to which each assigned pair of states belongs.
+        """
         first, second = (
             side.side.state[side.row[rows[here.taken]]]
             for side, rows in zip(looked_at, here.rows, strict=True)
@@ -199,7 +210,7 @@ class JoinedPairs:
         return displaced
 
     def _moved(self, here: StepCosts, truth: StepRows, steps: Ints, pair: Ints) -> Mask:
-        """Return a mask of pairs that may fit better when shifted by one step."""
+        """Return a mask of pairs whose estimate may fit better one step earlier or later."""
         count, ways = len(self.steps) - 1, len(MOVES)
         moved = (steps + MOVES).clip(self.steps[pair], self.steps[pair + 1] - 1)
         truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, ways))
@@ -224,8 +235,8 @@ class JoinedPairs:
     def costs(self) -> Iterator[Costs | None]:
         """Yield costs of each pair, equal to those of a separate evaluation to the last bit.
 
-        None means that the pair must be evaluated separately: some of its costs need another
-        cutoff, or the joint methods do not solve it.
+        None means that the pair must be evaluated separately: its bounds need smaller cutoffs, or
+        the joint methods do not solve it.
         """
         self.states = states = self.reduced()
         problem = states.problem
@@ -246,7 +257,7 @@ class JoinedPairs:
             yield costs if proven else None
 
     def _solve(self) -> tuple[Floats, Floats, Mask]:
-        """Return weights (S,), prices (K,), and a mask of pairs that are evaluated separately."""
+        """Return weights (S,), prices (K,), and a mask of pairs to be evaluated separately."""
         states, price = self.states, self.parameters.switch_price
         weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
         separate, highest = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
@@ -269,7 +280,7 @@ class JoinedPairs:
         return weights, prices, separate
 
     def _part(self, k: int) -> tuple[States, slice, slice]:
-        """Return the problem of one pair, and the slices of its states and column slots."""
+        """Return the problem of pair k, and its slices of all states and of all column slots."""
         problem = self.states.problem
         part, state, slot = self.states.between(*self.blocks[k : k + 2])
         step, last = self.steps[k : k + 2].tolist()
@@ -305,7 +316,7 @@ class JoinedPairs:
         return states, state, slot
 
     def _unpaired(self) -> list[list[float]]:
-        """Return the cost of objects in no component, by side and pair."""
+        """Return the cost of objects in no component: of the truth and the estimate, by pair."""
         costs = []
         sides = zip(self.states.problem.sides, self.states.track_blocks, self.rows, strict=True)
         for side, blocks, rows in sides:
@@ -325,7 +336,7 @@ def _medians(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _significances(values: Floats, group: Ints, count: int) -> Floats:
-    """Return `significance` of the values of each group; groups are in order."""
+    """Return `diagnosis.clock.significance` of the values of each group; `group` is sorted."""
     size = np.bincount(group, minlength=count)
     parts = np.minimum(size, STRETCHES)
     of = np.arange(count).repeat(parts)
@@ -342,5 +353,5 @@ def _significances(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _ends(sizes: Iterable[int]) -> Ints:
-    """Return the begin of each part, and the end of the last part."""
+    """Return the index at which each part begins, and the sum of all sizes."""
     return np.concatenate(([0], np.cumsum([*sizes]))).astype(np.int32)

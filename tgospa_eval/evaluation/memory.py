@@ -1,6 +1,6 @@
 """Memory of an evaluation, and the division of data into parts under a memory limit.
 
-The constants are measured sums over all processes, with shared memory counted once.
+The constants were measured. They are sums over all processes, in which shared memory counts once.
 ``tests/benchmarks/partitioned.py`` compares the peak with the limit.
 """
 
@@ -25,19 +25,24 @@ BASE = {
     "report": (125 * MB, 155 * MB),
     "report, drawn": (175 * MB, 215 * MB),
 }
-"""Bytes of interpreter and libraries by stage: with CSV files, with Parquet files.
+"""Bytes of interpreter and libraries in each stage: for CSV files, and for Parquet files.
 
-``whole`` is an evaluation in memory. The other stages are of data in parts: the main process, each
-worker without the memory that it shares with the main process, and the report."""
+``whole`` is an evaluation in memory. All other stages are for data in parts: the main process, a
+worker (without the memory that it shares with the main process), and the report. ``drawn`` means
+that pictures are made."""
 
 BYTES_A_ROW, BYTES_AN_ENTRY, OF_DRAWING = 150, 300, 1.5
-"""Bytes of a row in memory; bytes of a near pair of data in parts; factor of rows with pictures."""
+"""Bytes of a row in memory, bytes of a near pair of data in parts, and a factor.
+
+With pictures, the bytes of rows in memory are multiplied by the factor."""
 
 BYTES_COMPARED = 40, 280
-"""Bytes of a row, bytes of a near pair: until the problem is solved, if near pairs are known."""
+"""Bytes of a row and bytes of a near pair, until the problem is solved.
+
+They are for an evaluation in memory whose number of near pairs is known."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
-"""Largest number of bytes of pictures of trajectories; bytes of a row of small data."""
+"""Largest number of bytes of the pictures of trajectories, and their bytes for each row."""
 
 HELPERS = 30 * MB
 """Bytes of the processes that manage workers."""
@@ -46,22 +51,22 @@ TABLES = 150 * MB
 """Bytes of a worker that writes tables."""
 
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
-"""Smallest useful share of a process in bytes; share from which more processes are faster."""
+"""Bytes of data that the only process needs, and that each process needs if there are several."""
 
 MAX_ROWS = 4_000_000
-"""Largest number of rows of a block, whatever the memory."""
+"""Largest number of rows of a block, a part of the data, however much memory there is."""
 
 BYTES_OF_BLOCK = 600
 """Bytes that a worker needs for each row of a block."""
 
 SHARD_ENTRIES = 1_000_000
-"""Entries of a shard of many components: some seconds of work in about 200 MB."""
+"""Number of near pairs with which a shard is full: some seconds of work, about 200 MB."""
 
 BYTES_OF_SHARD, BYTES_OF_MARKS, BYTES_KEPT = 400, 100, 60
-"""Bytes of a near pair of a shard; more bytes with ignored states; more bytes with assignments.
+"""Bytes of a near pair of a shard, and two additions to them.
 
-The first number is for a shard that its last component doubles. The last one is for near pairs of a
-component whose assignments are written."""
+The first number allows for a shard that becomes twice as large by its last component. The second is
+added if some states are not evaluated. The third is added with pictures, for assignments."""
 
 TIP = 1 << 16
 """Bytes at the beginning of a text from which the length of its lines is estimated."""
@@ -69,18 +74,18 @@ TIP = 1 << 16
 
 @dataclass(frozen=True)
 class Share:
-    """Memory of each of the processes that evaluate data in parts.
+    """Memory that each process may use if data are evaluated in parts.
 
     Parameters
     ----------
     jobs : int
         Number of processes; 1 means only the process that starts the work.
     data : int
-        Bytes of data of each process.
+        Bytes that each process may use for data.
     single : int
-        Bytes of data of a process while no other process runs.
+        Bytes that a process may use for data while no other process runs.
     fixed : int
-        Bytes, without data, of the main process and of the processes that manage workers.
+        Bytes that the main process and the processes that manage workers need without data.
     tables : bool
         Whether there is memory for processes that write tables.
     entry : int
@@ -116,7 +121,7 @@ class Share:
         Raises
         ------
         MemoryTooSmallError
-            The limit is below the need of one process.
+            The limit is too small even for one process.
         """
         main, report = base("main", formats), base(f"report{', drawn' * pictures}", formats)
         entry = BYTES_AN_ENTRY + BYTES_KEPT * pictures
@@ -136,12 +141,12 @@ class Share:
 
     @property
     def rows(self) -> int:
-        """Number of rows of a block."""
+        """Largest number of rows of a block."""
         return max(min(MAX_ROWS, self.data // BYTES_OF_BLOCK), 1)
 
     @property
     def entries(self) -> int:
-        """Number of entries of a shard of many components."""
+        """Number of near pairs with which a shard of many components is full."""
         return max(min(SHARD_ENTRIES, self.data // BYTES_OF_SHARD), 1)
 
     def fits_component(self, entries: int, *, masked: bool) -> bool:
@@ -150,9 +155,9 @@ class Share:
         Parameters
         ----------
         entries : int
-            Near pairs of the largest shard.
+            Number of near pairs of the largest shard.
         masked : bool
-            Whether some states may not be evaluated.
+            Whether the rules can exclude states from the evaluation.
 
         Raises
         ------
@@ -173,7 +178,7 @@ class Share:
 
 
 def base(stage: str, formats: Sequence[str]) -> int:
-    """Return the bytes of a stage without any data, for files of these formats."""
+    """Return the bytes that a stage (see `BASE`) needs without data, for files of these formats."""
     return BASE[stage]["parquet" in formats]
 
 
@@ -184,14 +189,14 @@ def size_text(size: float) -> str:
 
 
 def format_of(path: str) -> str | None:
-    """Return the format of the suffix of a file name, or None."""
+    """Return the format that the suffix of a file name stands for, or None."""
     return FORMAT_OF_SUFFIX.get(os.path.splitext(path.lower())[1])
 
 
 def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
-    """Return the approximate memory of an evaluation of files in memory.
+    """Return about how many bytes an evaluation in memory needs, before the files are read.
 
-    Near pairs beyond one for every two rows are only counted in `check_pairs`.
+    One near pair for every two rows is allowed for. `check_pairs` counts them when they are known.
     """
     formats = [format_of(path) or "" for path in paths]
     read = [_rows(path, format) for path, format in zip(paths, formats, strict=True)]
@@ -203,7 +208,7 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return the limit until a problem is solved, so that its pictures fit into `limit` later."""
+    """Return the limit for solving the problem that leaves enough of `limit` for pictures."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)
@@ -237,7 +242,7 @@ def check_pairs(rows: int, pairs: int, limit: int) -> None:
 
 
 def _rows(path: str, format: str) -> tuple[int, float]:
-    """Return the bytes of a file that are read, and its approximate number of rows."""
+    """Return the bytes that the text of a file needs, and its approximate number of rows."""
     if format == "parquet":
         try:
             import pyarrow.parquet as pq  # lazy: for large files only

@@ -7,10 +7,12 @@
     MOTA = 1 - (FN + FP + IDSW) / (TP + FN),
     IDF1 = 2 IDTP / (2 IDTP + IDFN + IDFP),
 
-where a is a threshold of the similarity, and n is the number of matches between both tracks of a
-match. Floating-point operations have the same order as in TrackEval, so every digit is the same.
-TrackEval's dense matrices only add zeros. Only steps at which a state is in several pairs need an
-assignment, and so a matrix.
+where a is a threshold of the similarity. TP, FN and FP are the numbers of matches, missed states
+and false states. For a match, n is the number of all matches between its two tracks.
+
+Floating-point operations have the same order as in TrackEval, so every digit is the same. TrackEval
+uses matrices of all pairs, which only add zeros to the sums. Here a matrix is made only for a step
+at which some state is in several pairs, because only these steps need an assignment.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,10 +38,10 @@ SUMMED_FIELDS = {
     ),
     "identity": ("IDTP", "IDFN", "IDFP"),
 }
-"""Sums by metric, from which sequences are joined; HOTA has a number for each threshold."""
+"""Sums of each metric, from which sequences are joined; those of HOTA are by threshold."""
 
 SUM_AT_ONCE = 4096
-"""Number of values that are added as one dense array."""
+"""Largest number of values that are added as one dense array."""
 
 Sums = dict[str, Any]
 """Numbers and arrays by the names of `SUMMED_FIELDS`."""
@@ -47,22 +49,25 @@ Sums = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimilarPairs:
-    """All pairs of states at the same step with a similarity above 0, by step, truth and estimate.
+    """All P pairs of states at the same step with a similarity above 0.
+
+    They are sorted by step, then by true state, then by estimate.
 
     Parameters
     ----------
     step : (P,) int array
         Step of each pair.
     place : (2, P) int array
-        Positions of its two states among those of the step, in the order that decides ties.
+        Positions of both states of a pair among the states of the step. The order is that of the
+        file, which decides ties.
     track : (2, P) int array
-        Tracks of its two states, counted from 0.
+        Indices of the tracks of both states.
     similarity : (P,) float array
         Similarity of each pair, in (0, 1].
     sizes : (2, T) int array
-        Number of states of each step.
+        Numbers of true states and of estimates at each step.
     lengths : pair of int arrays
-        Number of states of each track, at least one.
+        Number of states of each true object, and of each estimate track; at least one.
     """
 
     step: Ints
@@ -73,7 +78,7 @@ class SimilarPairs:
     lengths: tuple[Ints, Ints]
 
     def cells(self) -> Ints:
-        """Return the flat index of each pair of tracks in a matrix of all tracks."""
+        """Return, for each pair, the flat index of its two tracks in a matrix of all tracks."""
         cells: Ints = self.track[0] * len(self.lengths[1]) + self.track[1]
         return cells
 
@@ -90,7 +95,10 @@ class SimilarPairs:
         )
 
     def disputed(self) -> Iterator[tuple[slice, tuple[Ints, Ints], Floats]]:
-        """Yield pairs, places and a matrix of zeros for steps where a state is in several pairs."""
+        """Yield what an assignment needs, for each step at which a state is in several pairs.
+
+        This is the slice of the pairs of the step, their two places, and a matrix of zeros.
+        """
         several = np.zeros(len(self.step), bool)
         for place, size in zip(self.place, self.sizes, strict=True):
             state = (np.cumsum(size) - size)[self.step] + place
@@ -103,9 +111,12 @@ class SimilarPairs:
 
 
 def hota(pairs: SimilarPairs) -> Sums:
-    """Compute HOTA: matches at every threshold, from one assignment that prefers joint tracks."""
+    """Compute the sums of HOTA, for all thresholds from one assignment.
+
+    The assignment prefers pairs whose tracks are similar at many steps.
+    """
     similarity = pairs.similarity
-    union = similarity.copy()  # pairs without rivals have s + s - s
+    union = similarity.copy()  # if no other pair has one of the states, s + s - s = s
     for part, at, matrix in pairs.disputed():
         matrix[at] = similarity[part]
         union[part] = matrix.sum(0)[at[1]] + matrix.sum(1)[at[0]] - similarity[part]
@@ -142,11 +153,14 @@ def hota(pairs: SimilarPairs) -> Sums:
 
 
 def clear(pairs: SimilarPairs) -> Sums:
-    """Compute CLEAR: an assignment at each step that keeps the matches of the step before."""
+    """Compute the sums of CLEAR.
+
+    The assignment of a step keeps matches of the step before, if this is possible.
+    """
     sizes, lengths = pairs.sizes, pairs.lengths
     pairs = pairs.near(THRESHOLD - TRACKEVAL_EPS)
     both = sizes.all(axis=0)
-    turn = np.cumsum(both)[pairs.step]  # number of the step among those with both sides
+    turn = np.cumsum(both)[pairs.step]  # index of the step among those with states of both sides
     cells = pairs.cells()
     order = np.argsort(cells, kind="stable")
     follows = (np.diff(cells[order]) == 0) & (np.diff(turn[order]) == 1)
@@ -177,9 +191,10 @@ def clear(pairs: SimilarPairs) -> Sums:
 
 
 def identity(pairs: SimilarPairs) -> Sums:
-    """Compute identity metrics: the assignment of whole tracks that shares most steps.
+    """Compute the sums of the identity metrics.
 
-    Each true object has an additional estimate, with which it shares no step.
+    The assignment is of whole tracks, and has the largest number of common matches. An object may
+    stay unassigned: each one has an additional estimate with which it has no match.
     """
     from scipy.sparse import coo_array  # lazy: slow to import
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
@@ -207,7 +222,7 @@ METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
 
 
 def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
-    """Join sums of several sequences; ratios of matches are means over all matches."""
+    """Join the sums of several sequences; means over matches become means over all matches."""
     sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
     if name == "hota":
         matches = sums["HOTA_TP"]
@@ -220,7 +235,7 @@ def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
 
 
 def finished(name: str, sums: Mapping[str, Any]) -> Sums:
-    """Return the numbers of `METRIC_FIELDS` that follow from the sums, and the sums."""
+    """Return the sums, together with the reported numbers that follow from them."""
 
     def ratio(number: Any, *parts: Any) -> Any:
         return number / np.maximum(1.0, sum(parts))
@@ -257,8 +272,9 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
     """Return a mask of the assignment with the largest score at each step.
 
-    `score` returns scores > 0 of the pairs of a step, from the mask of pairs assigned before. The
-    mask has one more element at the end, which is False.
+    `score` receives the slice of the pairs of a step, and a mask of the pairs assigned before. It
+    returns a score above 0 for each pair of the slice. The mask has one more element at the end,
+    which is False.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
@@ -280,9 +296,10 @@ def _by_step(step: Ints, values: Floats) -> np.float64:
 
 
 def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
-    """Sum rows (k, N) in the order in which NumPy adds dense rows that are 0 elsewhere.
+    """Sum each row of `values` (k, N) with the rounding of a sum of longer rows.
 
-    NumPy halves long rows, at multiples of 8; `index` is sorted.
+    In the longer rows (k, `size`), the values are at the sorted places `index`, between zeros.
+    NumPy adds such rows half by half, and the first half has a multiple of 8 values.
     """
     if not len(index):
         return np.zeros(len(values))

@@ -2,11 +2,12 @@
 
 The first three equal those of TrackEval in every digit. The similarity of states at a step is
 
-    s = max(0, 1 - d / z),   z = 1 for boxes, where s is the IoU, and z = 2 c for all other states,
+    s = max(0, 1 - d / z),
 
-as in TrackEval for points. Here d is the distance and c the cutoff. For CLEAR and Identity, a pair
-matches if s >= 1/2, which means an IoU of at least 1/2, or d <= c. HOTA is the mean over the
-thresholds 0.05, 0.10, ..., 0.95 of s. These metrics are not costs, and they have no proof.
+where d is the distance and c the cutoff. For the distance ``iou`` of boxes z is 1, so s is the IoU.
+For all other distances z is 2 c, as in TrackEval for points. For CLEAR and Identity, a pair matches
+if s >= 1/2, which means an IoU of at least 1/2, or d <= c. HOTA is the mean over the thresholds
+0.05, 0.10, ..., 0.95 of s. These metrics are not costs, and they have no proof.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -45,16 +46,16 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""Numbers that are reported of each metric, by the names of TrackEval; arrays by their mean."""
+"""Reported numbers of each metric, as TrackEval names them; of an array the mean is reported."""
 
 IOU = "iou"
 """Name of the distance whose similarity equals that of TrackEval to the last bit."""
 
 AT = "at"
-"""Text between the name of a metric and a field with a number for each threshold."""
+"""Word in the key of a sum that has a number for each threshold, such as ``hota.at.AssA``."""
 
 MIN_SIMILARITY = 1e-300
-"""Margin with which the search returns also boxes at its limit, which only touch."""
+"""Margin of the search for boxes; with it, boxes at the distance 1 are candidates, too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,9 +65,9 @@ class ComputedMetrics:
     Parameters
     ----------
     by_name : mapping
-        Sums by metric.
+        Sums of HOTA, CLEAR and Identity, by metric.
     gospa : mapping of str to float, optional
-        Per-step GOSPA, summed: total, localisation, missed, false.
+        Sums of per-step GOSPA over the steps: total, localisation, missed, false.
     zero : float
         Distance at which the similarity is 0.
     """
@@ -89,14 +90,14 @@ class ComputedMetrics:
 
 
 def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> ComputedMetrics:
-    """Return other metrics (not GOSPA) from their sums, so that they can be joined.
+    """Return HOTA, CLEAR and Identity from their sums, so that evaluations can be joined.
 
     Parameters
     ----------
     sums : mapping
-        Sums of `ComputedMetrics.sums`, possibly with other values.
+        Result of `ComputedMetrics.sums`; further keys are allowed.
     names : iterable of str
-        Metrics in the sums, except GOSPA.
+        Those of the three metrics that are in the sums.
     zero : float
         Distance at which the similarity is 0.
     """
@@ -116,7 +117,7 @@ def other_metrics(
     resources: Resources,
     proof: PairProof | None = None,
 ) -> ComputedMetrics:
-    """Return metrics of two sides as they are compared.
+    """Return other metrics of truth and estimate, on the same data as TGOSPA.
 
     HOTA, CLEAR and Identity leave out states that are not evaluated (`problem.solution`).
 
@@ -158,10 +159,10 @@ def other_metrics(
 
 
 def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
-    """Return the record of one evaluation, or of several evaluations together.
+    """Return the record of the other metrics of one evaluation, or of several together.
 
-    Several evaluations are joined as TrackEval joins sequences: matches are counted over all of
-    them, and ratios are computed from these sums. Costs of GOSPA are means over the evaluations.
+    Several evaluations are joined as TrackEval joins sequences: counts of matches are summed over
+    all evaluations, and ratios follow from these sums. Costs of GOSPA are means over evaluations.
     """
     first = several[0]
     record: dict[str, dict[str, float]] = {}
@@ -169,7 +170,7 @@ def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
         each = [other.by_name[name] for other in several]
         every = finished(name, each[0] if len(each) == 1 else combined(name, each))
         if name == "clear" and len(each) == 1 and not every["CLR_TP"] + every["CLR_FN"]:
-            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval has no value without truth
+            every |= {"MOTA": 0.0, "MODA": 0.0}  # TrackEval leaves them at 0 without truth
         record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
         costs = [other.gospa for other in several if other.gospa is not None]
@@ -182,7 +183,7 @@ def joined(several: Sequence[ComputedMetrics]) -> OtherMetrics:
 
 
 def _plain(value: Any) -> float:
-    """Return a plain number: counts stay whole, and an array gives its mean."""
+    """Return a Python number: an int for a whole number, and the mean of an array."""
     mean = np.mean(value) if np.ndim(value) else value
     return int(mean) if float(mean).is_integer() and not np.ndim(value) else float(mean)
 
@@ -207,7 +208,7 @@ def _similar_pairs(
 ) -> SimilarPairs:
     """Return all pairs with a similarity above 0; tracks without a row do not count.
 
-    Positions follow the order of the files, which decides between equal sums.
+    States of a step are in the order of the files, because this order decides between equal sums.
     """
     boxes = distance.name == IOU and reports is None
 

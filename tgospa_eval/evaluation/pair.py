@@ -1,4 +1,4 @@
-"""Evaluation of one pair of sides, and the sum of evaluations of separate classes.
+"""Result of one evaluation, and the sum of the results of separate classes.
 
 This module depends on neither solvers nor files.
 """
@@ -64,8 +64,8 @@ class PairEvaluation(Evaluation):
     source : pair of AlignedPair and EvaluationRequest, optional
         Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
-        Further values of each assigned pair, in the order of the table of assignments: parts of
-        the cost by name, and ``nees``.
+        Further columns of the table of assignments, which has N rows: parts of the cost, and
+        ``nees``.
     explained : Explanation, optional
         Repairs that would save the most, if requested.
     """
@@ -87,7 +87,7 @@ class PairEvaluation(Evaluation):
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking, with columns of each track."""
+        """Common tracking numbers, with columns for the tables of objects and tracks."""
         return summarise(self, self.tracked)
 
     @cached_property
@@ -120,16 +120,24 @@ class PairEvaluation(Evaluation):
         }
 
     def _marks(self, entry: Ints) -> Columns:
-        """Return whether the true object of each pair is ignored, if any is."""
+        """Return the column ``ignored``: 1 if the true object of a pair is ignored, else 0.
+
+        `entry` has the index of each pair in the problem. The result is empty if the problem has
+        neither ignored nor excused states.
+        """
         problem = self.proof.states.problem
         if problem.unjudged is None:
             return {}
         return {"ignored": problem.unjudged[0][problem.truth_row[entry]].astype(int).tolist()}
 
     def _switches(self) -> Columns:
-        """Return changes of each true object's assignment, from largest loss to largest gain."""
+        """Return the table of switches: changes of the assignment of true objects.
+
+        ``from`` is the estimate whose weight falls most, and ``to`` is the one whose weight rises
+        most.
+        """
         switches = read_switches(self.proof.states, self.proof.weights)
-        named = [*self.labels.estimates, None]  # the last one is the name of -1
+        named = [*self.labels.estimates, None]  # the index -1 means no estimate
         price = self.proof.states.problem.switch_price_at[switches.step]
         return {
             "t": [self.labels.times[k] for k in switches.step.tolist()],
@@ -148,11 +156,11 @@ class PairEvaluation(Evaluation):
         return table | self._of_assigned(side, len(ids)) | self.summarised.columns(f"per_{side}")
 
     def step_numbers(self) -> Arrays:
-        """Return counts of states, and other metrics that add up, of each step, (T,) each.
+        """Return the numbers of each step that add up over the steps, (T,) each.
 
         ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary. If
-        there are covariances, ``nees.total`` is the sum of NEES over ``nees.pairs`` pairs. If
-        requested, ``gospa`` and its parts are in state units to the power p.
+        there are covariances, ``nees.total`` is the sum of NEES, and ``nees.pairs`` is the number
+        of pairs in it. If requested, ``gospa`` and its parts are in state units to the power p.
         """
         size, tracked = len(self.labels.times), Tracked.of(self.proof)
         step, weight = tracked.truth.step, tracked.weight
@@ -182,7 +190,11 @@ class PairEvaluation(Evaluation):
         return super()._per_step() | self._of_assigned("step", len(self.labels.times))
 
     def _of_assigned(self, by: str, size: int) -> Columns:
-        """Return parts of the localisation cost, and mean NEES, by step, truth or estimate."""
+        """Return sums of the parts of the localisation cost, and the mean NEES, by group.
+
+        `by` is "step", "truth" or "estimate": assigned pairs with the same value are one group.
+        `size` is the number of groups.
+        """
         if not self.assigned:
             return {}
         assigned = read_assigned(self.proof.states, self.proof.weights)
@@ -199,7 +211,7 @@ class PairEvaluation(Evaluation):
 
 
 def explanation_of(evaluation: Evaluation) -> Explanation | None:
-    """Return the requested repairs, if there are any."""
+    """Return the repairs of a result, or None if they were not requested."""
     return evaluation.explained if isinstance(evaluation, PairEvaluation) else None
 
 
@@ -226,14 +238,14 @@ class EvaluationByClass(Evaluation):
     Parameters
     ----------
     results : dict of str to Result
-        At least one result, by class, in order.
+        Result of each class, at least one, in the order of the tables.
     """
 
     results: Mapping[str, PairEvaluation]
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking of all classes together."""
+        """Common tracking numbers of all classes together."""
         return summarise(self, Tracked.joined([part.tracked for part in self.results.values()]))
 
     @property
@@ -242,12 +254,12 @@ class EvaluationByClass(Evaluation):
         return all(part.is_unique for part in self.results.values())
 
     def _of_tracks(self, name: str) -> Columns:
-        """Return tables of tracks class by class, with the class as first column."""
+        """Return the table `name` of all classes, with the class as first column."""
         tables = {part: made.table(name) for part, made in self.results.items()}
         sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
         joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
         for column in dict.fromkeys(name for table in tables.values() for name in table):
-            joined[column] = [  # some classes have no states that are not evaluated
+            joined[column] = [  # a class without ignored states lacks the column ``ignored``
                 value
                 for part, table in tables.items()
                 for value in table.get(column, [0] * sizes[part])
@@ -255,7 +267,7 @@ class EvaluationByClass(Evaluation):
         return joined
 
     def _per_class(self) -> Columns:
-        """Return the value and costs of each class; the costs add up, the values do not."""
+        """Return TGOSPA and the costs of each class; costs add up over classes, TGOSPA does not."""
         names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
         return {"class": list(self.results)} | {
@@ -263,7 +275,7 @@ class EvaluationByClass(Evaluation):
         }
 
     def to_dict(self) -> Json:
-        """Return the document of the sum, with the documents of the classes."""
+        """Return the JSON document of the sum, which includes the documents of the classes."""
         return super().to_dict() | {
             "by_class": {name: part.to_dict() for name, part in self.results.items()}
         }
@@ -277,7 +289,7 @@ def add_up(
     Parameters
     ----------
     results : dict
-        At least one result by class, all on the same steps and with the same settings.
+        Result of each class, at least one; all have the same steps and settings.
     files : pair of dict
         Records of the two files (see `input_record`).
     read : float
@@ -376,9 +388,9 @@ def _sum_of_brackets(parts: list[B | None]) -> B | None:
 
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
-    """Return the record of a file, with the rows left out and a digest of its classes."""
-    # Classes without rows in this file are left out of its digest, so that the digest of the truth
-    # does not depend on the classes of the estimate.
+    """Return the record of one file from the records of its classes, `inputs`."""
+    # The digest leaves out classes without rows in this file. So the digest of the truth does not
+    # depend on the classes of the estimate.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())
@@ -397,7 +409,7 @@ def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float]
 
 
 def _sum_of_times(parts: list[Json], read: float) -> Json:
-    """Sum seconds by name, except the time per state, which is not a sum."""
+    """Sum the seconds of all classes by name; the time per state is left out."""
     no_sums = ("solve", "nanoseconds_per_state")
     flat = [{k: v for k, v in part.items() if k not in no_sums} for part in parts]
     total = _sums([*flat, {"read": read, "total": read}])

@@ -1,4 +1,4 @@
-"""Preparation before any solver: two sides on one grid, their near pairs, and the problem."""
+"""Preparation before any solver: both sides on one grid, their near pairs, and the problem."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -52,20 +52,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AlignedPair:
-    """Two sides that are compatible and on one grid.
+    """Truth and estimate on one grid, after the checks that they fit each other.
 
     Parameters
     ----------
     given : pair of Trajectories
         Truth and estimate, each at its own times.
     read : pair of Trajectories
-        Truth and estimate at the requested steps.
+        Truth and estimate after interpolation and after the choice of declared steps.
     alignment : Alignment
-        Truth and estimate on one grid.
+        Truth and estimate on one grid, which has the steps that count.
     distance : Distance
         Base distance, fitted to the data.
     axis : Axis
-        Both sides at their steps, and how they were brought there.
+        Both sides at their steps, with the numbers of states that were interpolated or left out.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -84,23 +84,23 @@ class AlignedPair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredSides(ComparedSides):
-    """Two sides that are compared, for problems with different parameters.
+    """Truth and estimate as they are compared, from which problems with any parameters are built.
 
-    `settings` do not include the parameters and the settings of the solver.
+    `settings` include neither the parameters nor the settings of the solver.
 
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate, aligned and prepared.
+        Truth and estimate on one grid, with states as `distance` compares them.
     distance : Distance
-        Base distance, prepared.
+        Base distance, after its method `prepared`.
     recorded : callable
-        Function that returns two records: rows and digest of each side, and the data on which a
-        value is evaluated. Trials of repairs do not call it.
+        Function without arguments. It returns the records of both sides, with rows and digests,
+        and a record of the truth on which the value is evaluated. Trials of repairs do not call it.
     step_weights : pair of float arrays, optional
-        Weights of the costs and of the switches of each step.
+        Weight of each step for its costs, and for its switches.
     existence : pair of (R,) float arrays, optional
-        Probability of each row of either side.
+        Probability of existence of each row of the truth, and of each row of the estimate.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -110,7 +110,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """Return the problem of `near`, which must have all pairs nearer than the cutoff."""
+        """Return the problem of the pairs `near`, which must have all nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -119,14 +119,14 @@ class MeasuredSides(ComparedSides):
         return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
-        """Return the pair with the reduced problem, ready for a solver."""
+        """Return both sides together with `states`, their reduced problem."""
         settings = {**parameters.recorded, **self.settings}
         return recast(self, PreparedPair, parameters=parameters, states=states, settings=settings)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PreparedPair(MeasuredSides):
-    """Problem that is ready for any solver.
+    """Truth and estimate with their reduced problem, which is ready for any solver.
 
     Parameters
     ----------
@@ -141,7 +141,11 @@ class PreparedPair(MeasuredSides):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        """Numbers of objects, estimates, steps and components, and two numbers of near pairs.
+
+        ``candidate_pairs`` counts pairs of an object and an estimate that are near at some step.
+        ``pair_steps`` counts them at each step at which they are near.
+        """
         problem = self.states.problem
         return {
             "truth": problem.truths,
@@ -154,7 +158,7 @@ class PreparedPair(MeasuredSides):
 
     @property
     def compared(self) -> ComparedSides:
-        """Sides as they are kept with the proof."""
+        """Truth and estimate with only the fields that are kept with the proof."""
         kept = vars(self)
         return ComparedSides(**{field.name: kept[field.name] for field in fields(ComparedSides)})
 
@@ -166,35 +170,38 @@ def prepare(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> PreparedPair:
-    """Build the problem of two sides, with all work before the solver."""
+    """Build the reduced problem of truth and estimate: do all the work before the solver."""
     measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
     with stopwatch.span("solve/preparation"):
         problem = measured.problem(near, request.parameters)
-        del near  # frees memory: the distances are as long as the entries
+        del near  # frees the memory of the distances
         states = merge_runs(problem)
     return measured.prepared(states, request.parameters)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NearPairs:
-    """Two sides as they are compared, and all pairs nearer than a cutoff, or within its margin.
+    """Truth and estimate as they are compared, and all pairs nearer than a cutoff.
+
+    Some pairs may be beyond the cutoff (see `of`).
 
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate, prepared.
+        Truth and estimate, with states as `distance` compares them.
     distance : Distance
-        Base distance, prepared.
+        Base distance, after its method `prepared`.
     pairs : Pairs
         Near pairs.
     unjudged : pair of (R,) bool arrays, optional
         Ignored rows of the truth, and excused rows of the estimate.
     reach : (R_truth,) float array, optional
-        Distance beyond the cutoff up to which an estimate may follow each ignored true state.
+        Distance beyond the cutoff up to which an estimate may follow each true state. It is above 0
+        only for states in gaps.
     given : bool
-        Whether distances are those of reports at their own timestamps instead of these rows.
+        Whether the distances were computed at the timestamps of reports, not from these rows.
     """
 
     sides: Sides
@@ -215,8 +222,9 @@ class NearPairs:
     ) -> "NearPairs":
         """Return both sides as they are compared, and all pairs that matter at this cutoff.
 
-        If states are ignored, pairs beyond the cutoff matter too, if they are within its margin or
-        within the reach of a true state in a gap.
+        These are the pairs nearer than the cutoff. If true states are ignored, there are two more
+        kinds: pairs so close to the cutoff that rounding decides, and pairs that are within the
+        reach of a true state in a gap.
         """
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
@@ -257,7 +265,7 @@ class NearPairs:
         )
 
     def problem(self, parameters: Parameters) -> Problem:
-        """Return the problem of these pairs, with the states that are not evaluated."""
+        """Return the problem of these pairs, in which some states may not be evaluated."""
         (truth, estimate), pairs, near, at_cutoff = self.sides, self.pairs, None, 0
         if self.unjudged is not None:
             near = pairs.distance < parameters.cutoff
@@ -289,11 +297,11 @@ class NearPairs:
         return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
 
     def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
-        """Return pairs whose gain is discontinuous at a distance, and this distance.
+        """Return the indices of pairs whose gain jumps at some distance, and this distance.
 
-        The distance is the cutoff plus the reach of the true state. These are pairs of an ignored
-        true state and an estimate that is not excused. The gain of
-        other pairs falls continuously to 0 at the cutoff, so rounding does not matter there.
+        These are the pairs of an ignored true state and an estimate that is not excused. The gain
+        jumps at the cutoff plus the reach of the true state. The gain of any other pair falls
+        continuously to 0 at the cutoff, so rounding of its distance does not matter.
         """
         assert self.unjudged is not None
         ignored, excused = self.unjudged
@@ -305,7 +313,10 @@ class NearPairs:
 def pairs_at_reports(
     clock: "ClockReports", sides: Sides, search: Callable[[Sides], Pairs]
 ) -> Pairs:
-    """Return pairs of rows on a common clock, from a search at the timestamps of the reports."""
+    """Return near pairs on a common clock, with distances at the timestamps of the reports.
+
+    `search` receives truth and reports at these timestamps, and returns their near pairs.
+    """
     none = np.zeros(0, np.int64)
     blocks: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
     for (truth, reports), rows in clock.blocks():
@@ -347,7 +358,8 @@ def measure(
 ) -> tuple[MeasuredSides, "NearPairs"]:
     """Return both sides as they are compared, and all pairs nearer than the cutoff.
 
-    `files` are the records of both sides (see `input_record`), by default with their rows only.
+    `files` are the records of both files (see `input_record`). By default they have only the
+    numbers of rows.
     """
     distance, aligned = sides.distance, sides.alignment
 
@@ -360,7 +372,7 @@ def measure(
         truth, estimate = (
             side.reduced_to(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
-        scene: dict[str, Any] = {  # before a distance scales or whitens the states
+        scene: dict[str, Any] = {  # states in their own units; `near` may have scaled ones
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
@@ -403,12 +415,12 @@ def measure(
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
-    """Return the distance beyond the cutoff up to which each true state may be followed.
+    """Return how far beyond the cutoff an estimate may follow each true state.
 
-    The result is None if no state may be followed beyond the cutoff.
+    The result is None if this distance is 0 for all states.
     """
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
-    if not speed or AWAY not in truth.attributes:  # nothing was interpolated
+    if not speed or AWAY not in truth.attributes:  # no state is in a gap
         return None
     return speed * np.asarray(truth.attributes[AWAY], np.float64)
 
@@ -421,9 +433,9 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Return near pairs, and pairs of true states in gaps within `reach` beyond the cutoff.
+    """Add the pairs of true states in gaps that are beyond the cutoff by at most `reach`.
 
-    `cutoff` is the cutoff and its margin; the search includes pairs within the margin.
+    `cutoff` has the cutoff, and a margin for rounding by which a pair may be farther.
     """
     rows = np.flatnonzero(reach > 0)
     if not len(rows):
@@ -437,7 +449,7 @@ def with_far_pairs(
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
     estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
     both = truth_row.astype(np.int64) * max(len(sides[1].step), 1) + estimate_row
-    first = np.unique(both, return_index=True)[1]  # near pairs are in both lists
+    first = np.unique(both, return_index=True)[1]  # some pairs are in both lists
     value = np.concatenate((pairs.distance, far.distance[kept]))
     return Pairs(
         truth_row=truth_row[first], estimate_row=estimate_row[first], distance=value[first]
@@ -445,7 +457,10 @@ def with_far_pairs(
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
-    """Return ignored rows of the truth and excused rows of the estimate; None if all count."""
+    """Return masks of ignored rows of the truth and excused rows of the estimate.
+
+    The result is None if all rows count.
+    """
     if request.ignoring is None:
         return None
     masks = marks_of(aligned.truth, NOT_COUNTED), marks_of(aligned.estimate, NOT_COUNTED)
@@ -453,7 +468,7 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
 
 
 def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
-    """Return the digest of the truth that counts, and of the regions."""
+    """Return one digest of the truth and the regions; `truth` is the digest of the truth."""
     regions = None if request.ignoring is None else request.ignoring.regions
     if regions is None:
         return truth
@@ -463,7 +478,7 @@ def digest_of_evaluated(request: EvaluationRequest, truth: str) -> str:
 def _recorded(
     sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Coverage]:
-    """Return rows and digests of both sides, and the digest of the data that counts."""
+    """Return the records of both sides, and a record of the truth that is evaluated."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
@@ -493,15 +508,16 @@ def fit(
 ) -> AlignedPair:
     """Return both sides on the same steps, and the distance fitted to the data.
 
-    `placed` brings the sides to steps that are already known; by default to the requested steps.
+    `placed` is a function that brings both sides to steps that are known already. By default, the
+    request decides on the steps.
 
     Raises
     ------
     ConfigError
         The grid leaves no step, or requested probabilities of existence are missing.
     InputError
-        Columns, states, times or probabilities do not fit each other or the distance; `names` are
-        for messages.
+        Columns, states, times or probabilities do not fit each other or the distance. Messages use
+        `names`.
     """
     distance, time_matching = request.distance, request.time_matching
     check_columns(truth, estimate, names)
@@ -546,7 +562,7 @@ def fit(
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """Return the weights of the steps as a document records them: by their digest."""
+    """Return the record of the weights of the steps, which is their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

@@ -1,4 +1,4 @@
-"""Rows that benchmarks leave out before they evaluate, or mark.
+"""Rows that benchmarks leave out before the evaluation; on request they are only marked.
 
 MOTChallenge of 2016 and 2017, and KITTI in the image, match boxes of the estimate and the truth one
 to one at each step. The matching has the largest sum of IoU; only pairs with an IoU of 1/2 or more
@@ -7,13 +7,14 @@ out other estimates that are small, or have more than half of their area in one 
 Rules and their order are those of TrackEval. As in TrackEval, the order of rows in the file decides
 between equal sums.
 
-VisDrone leaves out, on both sides, each box with half of its area or more in the ignored regions of
-its step, taken together. This is dropObjects of its toolkit without the edge of the image, which is
-in no file. UA-DETRAC uses the same rule.
+VisDrone leaves out boxes of truth and estimate that are inside the ignored regions of their step:
+at least half of the area is in the regions together. The function ``dropObjects`` of its toolkit
+does the same. It also uses the edge of the image, which is in no file. UA-DETRAC uses the same
+rule.
 
-``:ignore`` marks rows instead of leaving them out, because no metric uses this matching: true
-objects that are not evaluated are ignored, and estimates that are small or in a region are
-excused.
+With ``:ignore`` after the name of a benchmark, rows are marked and not left out. True objects that
+are not evaluated are ignored. Estimates that are small or in a region are excused. The matching is
+not used: the metric decides over all time steps which tracks follow ignored objects.
 """
 
 from collections.abc import Callable, Iterator
@@ -57,15 +58,20 @@ MIN_MATCH = 0.5 - TRACKEVAL_EPS
 """Smallest IoU of boxes that match."""
 
 MAX_INSIDE = 0.5 + TRACKEVAL_EPS
-"""Largest share of a box inside a region DontCare."""
+"""Largest share of a box in one `DontCare` region; a box with a larger share is left out."""
 
 
 class RowRoles(NamedTuple):
     """Roles of the rows of both sides in a benchmark.
 
-    `evaluated` rows of the truth must be found, and `neutral` rows may be found. `removed` rows of
-    the estimate are left out by the benchmark. `excused` rows of the estimate are excused wherever
-    they are matched.
+    Parameters
+    ----------
+    truth : Reading
+        Truth to which the masks belong.
+    evaluated, neutral : (R,) bool arrays
+        Rows of the truth that a tracker must follow, and rows that it may follow.
+    removed, excused : bool arrays
+        Rows of the estimate that the benchmark leaves out, and rows that ``:ignore`` excuses.
     """
 
     truth: Reading
@@ -197,7 +203,11 @@ def evaluated_class(classes: tuple[str, ...] | None, rule: str) -> str:
 def _motchallenge(
     truth: Reading, estimate: Reading, everything: Reading, names: tuple[str, str], *, whole: bool
 ) -> RowRoles:
-    """Keep the pedestrians of the truth whose flag is not 0; distractors may be followed."""
+    """Return roles by the rules of MOTChallenge: pedestrians are evaluated, distractors neutral.
+
+    With `whole`, the roles are those of `everything`, which also has rows with the flag 0; these
+    are not evaluated.
+    """
     distractors = _of_classes(everything, DISTRACTORS)
     removed = _on(distractors, _matched(everything, estimate, names))
     if not whole:
@@ -209,7 +219,7 @@ def _motchallenge(
 
 
 def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
-    """Keep the requested class of the truth, where it is visible."""
+    """Return roles by the rules of KITTI: visible objects of the class are evaluated."""
     truncated, occluded = (truth.trajectories.attributes[name] for name in HIDDEN)
     neighbours = sorted(set().union(*NEIGHBOURS.values()), key=str.casefold)
     neutral = _of_classes(truth, tuple(neighbours))
@@ -226,7 +236,7 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRole
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
     """Return roles by the rule of UA-DETRAC, in whole pixels.
 
-    Regions begin one pixel before their left and top edges; their other edges stay.
+    Regions grow by one pixel at the left and at the top.
     """
     wider = np.array([-1.0, -1.0, 1.0, 1.0])
     regions = truth.regions and replace(
@@ -244,7 +254,7 @@ def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowR
 
 
 def _pixels(boxes: Floats) -> Floats:
-    """Return boxes in whole pixels, at least 1, with halves rounded up."""
+    """Round the numbers of boxes to whole pixels, halves up; numbers below 1 become 1."""
     return np.maximum(np.floor(boxes + 0.5), 1.0)
 
 
@@ -262,7 +272,7 @@ def _in_regions(
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
-    """Return a mask of rows of these classes, in upper or lower case."""
+    """Return a mask of rows of these classes; upper and lower case are the same."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
     known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
@@ -270,7 +280,7 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
 
 
 def _on(neutral: Mask, match: Ints) -> Mask:
-    """Return a mask of the rows that are matched with a neutral true object."""
+    """Return a mask of the estimate rows whose match, a row of the truth, is `neutral`."""
     return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
 
@@ -297,7 +307,10 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
 
 
 def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
-    """Return the kept rows at the steps of the whole file, with a count of rows left out."""
+    """Return the rows of the mask `keep`, on all steps of the file.
+
+    The number of rows left out is recorded under the name `rule`.
+    """
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading

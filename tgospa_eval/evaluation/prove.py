@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 E = TypeVar("E", bound=Evaluation)
 
 GAP = 1e-9
-"""Relative gap that counts as exact, for solvers that have no setting for it."""
+"""Relative gap up to which a result counts as exact, if the solver has no setting for it."""
 
 
 def solve(
@@ -59,9 +59,10 @@ def prove(
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
 ) -> PairEvaluation:
-    """Return the result of a solution; a disposable solution loses its weights.
+    """Prove a solution, and return the result.
 
-    The request, if given, decides on the curve and the windows.
+    The memory of the weights is reused if the solution is disposable. The curve and the windows are
+    made if `request` asks for them.
     """
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
@@ -100,7 +101,7 @@ def prove(
         split = {name: float(costs.sum()) for name, costs in assigned.items()} or None
         nees = None
         if prepared.estimate_covariance is not None:
-            from tgospa_eval.evaluation.consistency import pair_nees  # lazy: few have covariances
+            from tgospa_eval.evaluation.consistency import pair_nees  # lazy: covariances are rare
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)
     recorded, evaluated_on = prepared.recorded()
@@ -141,10 +142,10 @@ def make_result(
     nees: NeesSums | None,
     **parts: Any,
 ) -> E:
-    """Make a result of one kind, in memory or of data in parts.
+    """Make a result of the class `kind`, for data in memory or data in parts.
 
-    `at` is the number of pairs at the cutoff, `more` are further warnings, and `parts` are the
-    other fields.
+    `at` is the number of pairs at the cutoff (see `at_cutoff`). `more` are further warnings, and
+    `parts` are further fields of the result.
     """
     gap = solver.gap if solver.proves else GAP
     return kind(
@@ -166,7 +167,10 @@ def make_result(
 
 
 def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
-    """Return the record of the solver for the result, with the brackets of its history as costs."""
+    """Return the record of the solver in a result; `met` says that the bounds are near enough.
+
+    The history of the solver has brackets, which are converted from units of c^p to costs.
+    """
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
         # The bounds of the proof decide, not the status of the solver.
@@ -194,7 +198,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
 
 
 def nested_timings(stopwatch: Stopwatch) -> Json:
-    """Return spans as a tree, with the names that every result has."""
+    """Return seconds by stage, with the parts of ``solve`` in a dict; a missing stage has 0."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
     for name, seconds in stopwatch.spans.items():
@@ -209,10 +213,10 @@ def nested_timings(stopwatch: Stopwatch) -> Json:
 
 
 LARGE = 1e7
-"""Smaller coordinates keep all of nine decimals."""
+"""Coordinates smaller than this keep nine decimals as doubles."""
 
 ROUNDED_DIGIT = 2e-10
-"""Smallest relative error of a total, from rounded decimals, that causes a warning."""
+"""Relative error of a total, caused by rounded decimals, above which there is a warning."""
 
 
 def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
@@ -249,9 +253,10 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
 def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notice, ...]:
     """Warn if rounded decimals of large coordinates leave less than ten digits of the total.
 
-    Let u be the spacing of doubles. A decimal has an error of u / sqrt(12). A difference of two
-    decimals has sqrt(2) times this error, and the cost d^p of an assigned pair multiplies the error
-    by p d^(p - 1). Errors of pairs are independent, so their squares add up.
+    Let u be the spacing of doubles at the largest coordinate. A rounded decimal has the standard
+    error u / sqrt(12), and the difference of two decimals has u / sqrt(6). The cost d^p of a pair
+    with the distance d has p d^(p - 1) times the error of d. Errors of pairs are independent, so
+    their squares add up.
     """
     largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
     sides = prepared.truth, prepared.estimate
@@ -263,7 +268,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     spacing = float(np.spacing(largest))
     error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
     total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # above, the bounds show the rounding
+    if not ROUNDED_DIGIT * total < error < total:  # the bounds show larger errors
         return ()
     return (
         Notice(
@@ -281,7 +286,10 @@ BLOCK = 1 << 16
 
 
 def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
-    """Return the parts that sum to the cost of each assigned pair (N,), by name; maybe none."""
+    """Return the parts of the cost of each assigned pair, by name, (N,) each.
+
+    The parts of a pair sum to its cost. The result is empty if costs have no parts.
+    """
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}
     problem, scale = proof.states.problem, proof.parameters.scale
@@ -311,9 +319,10 @@ def parts_of_distances(
     entries: Ints,
     rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Return the costs of means and of spreads of pairs; empty if p is not 2 or there are no parts.
+    """Return the costs of pairs by their means and by their spreads, for the weight 1.
 
-    Costs are those of weight 1. `rows` are the rows of the entries on either side.
+    `entries` are the indices of the pairs in the problem, and `rows` have their rows of the truth
+    and of the estimate. The result is empty if p is not 2, or if the distance has no parts.
     """
     if parameters.order != 2 or type(distance).parts is Distance.parts:
         return {}

@@ -43,7 +43,7 @@ HALF = 0.5 - 1e-12
 """Smallest share of the area of a box that counts as inside: a half, with room for rounding."""
 
 ROUNDED = 2.0**-40
-"""Relative margin of distances in the search for boxes near each other."""
+"""Share by which the search for overlapping boxes goes farther, because of rounding."""
 
 PLANE, EARTH = ("x", "y"), PLACES
 
@@ -91,7 +91,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     Raises
     ------
     ConfigError
-        The text is not a circle.
+        The text begins with ``circle=`` but is not a circle.
     InputError
         The file is missing, or a region in it is wrong.
     """
@@ -113,7 +113,7 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     return of_rows(header, [row], [option("region")] * 2, ".", option("region", text))
 
 
-@np.errstate(over="ignore")  # an infinite distance is right here
+@np.errstate(over="ignore")  # overflow gives an infinite distance, which is right
 def inside(
     regions: Regions,
     side: Trajectories,
@@ -124,23 +124,24 @@ def inside(
     """Return a mask of the rows that are in the regions of their step.
 
     Points count in a region or on its edge. Boxes count if the regions of the step together cover
-    at least half of their area. The share of a box with edges a_1 <= b_1, a_2 <= b_2 inside
-    another is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
-    a_k)``. It is 0 for a box without area.
+    at least half of their area. Let a box be between a_k and b_k on axis k, and another box between
+    a'_k and b'_k. The share of the first box inside the other is, as in TrackEval,
+    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. It is 0 for a box
+    without area.
 
     Parameters
     ----------
     regions : Regions
         Regions that are tested.
     side : Trajectories
-        Side with the rows (R,) that are tested.
+        Truth or estimate, whose R rows are tested.
     tolerance : float
         Difference up to which two times are one step.
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        Share of a box that a single region must exceed. By default all regions of the step
-        together must cover at least a half.
+        If given, a single region must cover more than this share of the box. By default all regions
+        of the step together must cover at least half of it.
 
     Raises
     ------
@@ -192,11 +193,11 @@ def inside(
 def _candidates(
     regions: Regions, shapes: Ints, side: Trajectories, step: int | None, *, spread: bool
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield rows of a step, or of all steps, and the shapes that may overlap with them.
+    """Yield rows, and for each row the index of a region that may overlap with it.
 
-    In the plane and in images these are pairs with bounding boxes near each other. With `spread`,
-    the rows are boxes. Rows and regions that are both boxes come together, any other region
-    separately.
+    The rows are those of one step, or of all steps if `step` is None. A region of a table, in the
+    plane or in an image, comes only with rows whose bounding boxes are near its own. `spread` says
+    that the rows are boxes. Each yield has a single region, or boxes as rows and as regions.
     """
     begins = starts_of_steps(side)
     low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
@@ -205,7 +206,7 @@ def _candidates(
         yield np.arange(low, high), np.full(high - low, k)
     if not plain or high == low:
         return
-    if "lat" in side.columns:  # longitudes wrap around
+    if "lat" in side.columns:  # bounding boxes do not help, as longitudes wrap around
         for k in plain:
             yield np.arange(low, high), np.full(high - low, k)
         return
@@ -256,7 +257,7 @@ def _bounds(shape: Shape) -> Floats:
 def _placed(
     regions: Regions, side: Trajectories, tolerance: float, name: str
 ) -> dict[int | None, Ints]:
-    """Return the numbers of regions by step of the side; the key None has those of all steps."""
+    """Return the indices of the regions of each step; the key None has regions of all steps."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
     at, there = match_times(own, side, tolerance, (regions.name, name))
@@ -270,7 +271,10 @@ def _placed(
 
 
 def _shares(region: Shape | Floats, state: Floats) -> Floats:
-    """Return the share of boxes (N, 4) in a region, or of each box in its own box (N, 4)."""
+    """Return the share of each box that is in a region.
+
+    `state` (N, 4) has the boxes. `region` is one region for all, or (N, 4) with a box for each.
+    """
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
     if isinstance(region, Shape):
@@ -289,10 +293,10 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     if any(shape.kind != BOX for shape in shapes):
         return float(_shared(shapes, state[None])[0] / area)
     boxes = np.array([shape.rings[0] for shape in shapes])
-    edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
+    edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (end, N, axis)
     edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
     cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
-    across, along = (  # the stretches between two edges in each region
+    across, along = (  # which stretches between two edges each region covers
         (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
         for axis in (0, 1)
     )
@@ -356,7 +360,7 @@ def _polygon(shape: Shape, *, turned: bool = False) -> Any:
 
 def _shapely() -> Any:
     try:
-        import shapely  # lazy: of an extra
+        import shapely  # lazy: the extra ``regions`` may not be installed
     except ModuleNotFoundError:
         raise ConfigError(
             f"{option('ignore_regions')}: polygons need the extra regions: {install('regions')}"
@@ -374,7 +378,7 @@ def _text(value: Any) -> str:
 
 
 NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
-"""Columns that a region can have."""
+"""Sets of columns, one of which each region must have, as a text for messages."""
 
 KNOWN = {name for columns in SHAPES.values() for name in columns}
 
@@ -409,7 +413,9 @@ def of_rows(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Return regions of the rows of a table; `places` name the header and each row in messages.
+    """Return the regions in the rows of a table.
+
+    `places` are names of the header and of each row, for messages.
 
     Raises
     ------
@@ -455,7 +461,9 @@ def of_rows(
 
 
 def of_geojson(document: Any, name: str) -> Regions:
-    """Return regions of a FeatureCollection, Feature or geometry; the property t is their time.
+    """Return the regions of a FeatureCollection, Feature or geometry.
+
+    The property t of a feature is the time of its regions.
 
     Raises
     ------
@@ -482,7 +490,7 @@ def of_geojson(document: Any, name: str) -> Regions:
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
-    """Return the rings of each polygon of a geometry, with the first two numbers of positions."""
+    """Return the rings of each polygon of a geometry; a position has its first two numbers."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: {quoted(kind)} is neither a Polygon nor a MultiPolygon")
@@ -491,7 +499,7 @@ def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
         return [
             tuple(np.array([(_plain(x), _plain(y)) for x, y, *_ in ring]) for ring in (*rings,))
             for rings in ([given] if kind == "Polygon" else given)
-            if rings[0][2]  # an edge of three corners or more
+            if rings[0][2]  # raises an error if there are fewer than three corners
         ]
     except (LookupError, TypeError, ValueError, OverflowError):
         raise InputError(
@@ -513,7 +521,10 @@ def _regions(
     decimal: str,
     name: str,
 ) -> Regions:
-    """Return regions with their shapes, and with their timestamps if they have any."""
+    """Return these shapes as regions; a timestamp that is not blank is the time of its shape.
+
+    `where` returns the place of a timestamp, for messages.
+    """
     timed = [k for k, moment in enumerate(timestamps) if moment.strip()]
     try:
         times = parse_times([timestamps[k] for k in timed], lambda texts: floats(texts, decimal))

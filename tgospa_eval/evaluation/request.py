@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Sliding:
-    """Windows of length `size`, the first one at the first step, with spacing `every`.
+    """Sliding windows of length `size`; the next window always begins `every` later.
+
+    The first window begins at the first step.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ class Sliding:
     Raises
     ------
     ConfigError
-        A length is out of its range, or only one of both is in steps.
+        A length is out of its range, or one length is in steps and the other is a time.
     """
 
     size: int | Duration
@@ -60,7 +62,9 @@ class Sliding:
 
     @classmethod
     def of_options(cls, window: int | str | None, every: int | str | None) -> "Sliding | None":
-        """Return windows of options; `every` is half a window by default, and no window gives None.
+        """Return the windows that two options request, or None if `window` is None.
+
+        By default, `every` is half of `window`.
 
         Raises
         ------
@@ -80,26 +84,29 @@ class Sliding:
         return cls(size=size, every=_length(f"{half:.15g}{size.unit}", "every"))
 
     def check(self, clock: str) -> None:
-        """Check that timestamps have a known unit, if the length of windows is a time.
+        """Check that the unit of the timestamps is known, if the lengths are times.
+
+        `clock` is the kind of the timestamps.
 
         Raises
         ------
         ConfigError
-            The timestamps are plain numbers.
+            The lengths are times, but the timestamps are plain numbers.
         """
         for value, name in ((self.size, option("window")), (self.every, option("every"))):
             if isinstance(value, Duration):
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """Format the length of a window in a recording with a number of steps."""
+        """Format the length of a window; in steps, it is at most that of the recording."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
-        """Return the first and last step of each window at these times, (K,), (K,).
+        """Return the first steps and the last steps of K windows, (K,) each.
 
-        If the last regular window ends before the last step, one more window ends at the last step.
-        So all windows have one length and include all steps. Windows without a step are left out.
+        `times` are the times of all steps. If the last regular window ends before the last step,
+        one more window ends at the last step. So all windows have the same length, and each step is
+        in a window. Windows without a step are left out.
 
         Raises
         ------
@@ -110,7 +117,7 @@ class Sliding:
             return _spans_of_time(times, self.size, self.every)
         steps = len(times)
         size = min(int(self.size), steps)
-        every = min(int(self.every), size)  # the option accepts numbers of any size
+        every = min(int(self.every), size)  # a huge number would overflow in NumPy
         first = np.arange(0, steps - size + 1, every) if steps else np.zeros(0, np.int64)
         if len(first) and first[-1] + size < steps:
             first = np.append(first, steps - size)
@@ -118,7 +125,7 @@ class Sliding:
 
 
 def in_words(length: int | Duration) -> str:
-    """Format a length, such as 30 steps or 2min."""
+    """Format the length of a window, such as "30 steps" or "2min"."""
     return length.text if isinstance(length, Duration) else counted(length, "step")
 
 
@@ -141,11 +148,15 @@ def _length(given: object, name: str) -> int | Duration:
 
 
 def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[Ints, Ints]:
-    """Return windows from a time t until before t + size; the last window ends at the last step."""
+    """Return the first and the last steps of windows that are spans of time.
+
+    A window that begins at a time t has the steps before t + `size`. The last window ends at the
+    last step. A window is left out if it has no step, or the same steps as the window before.
+    """
     if not len(times):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     begin, end = int(times[0]), int(times[-1])
-    length = min(size.nanoseconds, end - begin + 1)  # the option accepts numbers of any size
+    length = min(size.nanoseconds, end - begin + 1)  # a huge number would overflow in NumPy
     spacing = min(every.nanoseconds, length)
     count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
@@ -178,22 +189,22 @@ class EvaluationRequest:
     solver : Solver
         Solver with its settings.
     time_matching : TimeMatching
-        Rules for joining timestamps into steps, and for the steps that count.
+        Rules that decide which timestamps are one step, and which steps count.
     unit : str, optional
         Unit of the states, for display.
     curve : bool
-        Whether to evaluate also the steps 1 to k for each k.
+        Whether the cost of the steps 1 to k is evaluated too, for each k.
     sliding : Sliding, optional
         Sliding windows to evaluate as well.
     with_ : sequence of str
-        Other metrics, from `OTHER_METRICS` without NEES.
+        Other metrics: names from `OTHER_METRICS`, except NEES.
     nees : bool
         Whether NEES is requested. Otherwise it is computed only if the distance compares
         covariances or particles.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
-        Names of cutoff and switch_penalty that have their default value.
+        Parameters that have their default value: names among cutoff and switch_penalty.
     slices : sequence of SliceBy
         Attributes by which costs are split.
     step_weights : WeightsByTime, optional
@@ -203,16 +214,16 @@ class EvaluationRequest:
     ignoring : Ignoring, optional
         Rules for states that are not evaluated.
     conversion : Conversion
-        Conversion of timestamps and states of the estimate from those in its file to those that
-        are compared, except for frames of coordinates.
+        Conversion of the timestamps and states of the estimate, from its file to the comparison.
+        A change of the frame of coordinates is not included.
     memory : int, optional
-        Largest number of bytes of the whole process until the problem is solved.
+        Largest memory of the process in bytes, until the problem is solved.
 
     Raises
     ------
     ConfigError
-        The solver cannot make the requested curve or windows, or probabilities of existence are
-        used with different prices of missed and false targets.
+        `existence` has another value, or the solver cannot make the requested curve or windows.
+        Or probabilities of existence count, but a missed and a false target cost differently.
     """
 
     parameters: Parameters
@@ -246,7 +257,11 @@ class EvaluationRequest:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of states besides points: those that the distance compares, or all for NEES."""
+        """Kinds of states, besides points, that the evaluation needs.
+
+        They are those that the distance compares. If it compares only points and NEES is requested,
+        they are all kinds.
+        """
         return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 
     @property
@@ -262,7 +277,9 @@ def chosen_parameters(
     switch_penalty: float | None,
     rho: float = 0.5,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return parameters, with a distance's defaults for None, and the names of the defaults.
+    """Return the parameters, and the names of those that have their default value.
+
+    A cutoff or switch penalty of None is replaced by the default of the distance.
 
     Raises
     ------
@@ -277,13 +294,14 @@ def chosen_parameters(
 
 
 NUMBERS_OF = {"mota": "clear", "motp": "clear", "idf1": "identity"}
-"""Metric of each number that may be requested by its own name."""
+"""Numbers that a user can request by name, and the metric that computes each of them."""
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Return names of other metrics in the order of display; a text separates them by commas.
+    """Return the names of the requested metrics, in the order of display.
 
-    The names of `NUMBERS_OF` are replaced by those of their metrics.
+    `names` are the requested names, or a text in which commas separate them. A name in `NUMBERS_OF`
+    is replaced by that of its metric.
 
     Raises
     ------

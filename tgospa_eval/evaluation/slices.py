@@ -2,11 +2,11 @@
 
 Each cost belongs to a row. Localisation and misses belong to the row of the truth at the step. A
 false target belongs to its own row. A switch belongs to the row of its true object at the step
-where it is counted. The shares of a row sum to 1, and sums are pairwise, so slices add up to the
-total except for a few roundings.
+where it is counted.
 
-Values of an attribute are those of a column, or follow from the states. The value of a state
-decides its slice, or its shares in several slices.
+Values of an attribute are those of a column, or follow from the states. The value of a row decides
+its slice, or its shares in several slices. The shares of a row sum to 1, and numbers are summed
+pairwise. So slices add up to the total, except for a few roundings.
 """
 
 from collections.abc import Callable, Sequence
@@ -56,13 +56,13 @@ MAX_SLICES, MAX_CROSSINGS = 200, 5_000
 """Largest number of slices by one attribute; largest number by two attributes."""
 
 NOT_KNOWN = -1.0
-"""Number for an unknown share in MOTChallenge and KITTI files."""
+"""Number that means an unknown share in MOTChallenge and KITTI files."""
 
 QUARTILES = (0.25, 0.5, 0.75)
 
 
 SideShare = tuple[Ints, Floats]
-"""Slice of each row of a side (R,), and the share of the row in it, 0 to 1."""
+"""For R rows of truth or estimate: the slice of each, (R,), and its share in it, 0 to 1, (R,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +74,8 @@ class Members:
     names : list of str
         Names of all slices.
     shares : tuple of tuple of SideShare
-        Shares of truth and estimate; the shares of each row sum to 1.
+        Pairs with the shares of the rows of truth and estimate. There are several pairs if a row
+        can be in several slices; its shares sum to 1.
     kept : (n,) bool array
         Mask of the slices that are shown even if they are empty.
     """
@@ -84,7 +85,7 @@ class Members:
     kept: Mask
 
     def crossed(self, other: "Members") -> "Members":
-        """Return the slices by both attributes."""
+        """Return a slice for each pair of a slice here and a slice of `other`."""
         size = len(other.names)
         shares = tuple(
             tuple((a * size + b, x * y) for (a, x), (b, y) in zip(mine, theirs, strict=True))
@@ -113,7 +114,7 @@ def members(
     rows : pair of int
         Number of rows of each side.
     summed : bool
-        Whether slices are added up with others, so that ranges must not depend on the data.
+        Whether slices of several evaluations are added up. Then ranges must not depend on data.
 
     Raises
     ------
@@ -156,7 +157,10 @@ def _numbers(
     texts: Sequence[Values],
     wanted: str,
 ) -> list[Floats | None]:
-    """Return the values as numbers; if a column has only blanks, its numbers are missing."""
+    """Return the values as numbers, NaN for a blank; refuse columns in `texts`, which have texts.
+
+    `wanted` says for the message what needs numbers.
+    """
     if texts:
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
@@ -177,7 +181,10 @@ def _numbers(
 def _weighted(
     attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Return two slices with shares w and 1 - w of each row, and one for rows without a value."""
+    """Return two slices, in which a row with the value w has the shares w and 1 - w.
+
+    A row without a value is in a third slice.
+    """
     values = [
         None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
     ]
@@ -204,9 +211,10 @@ def _weighted(
 def _ranged(
     edges: Sequence[float], values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
-    """Return a slice from each edge until the next one, and a slice for values outside.
+    """Return a slice between any two neighbouring edges, one below all, and one above all.
 
-    A slice includes its lower edge; the last slice also includes the last edge.
+    A slice includes its lower edge. If the last edge is finite, the last slice between edges
+    includes it, too.
     """
     inner = [edge for edge in edges if np.isfinite(edge)]
     low, high = edges[0] == -np.inf, edges[-1] == np.inf
@@ -234,7 +242,7 @@ def _by_text(
     *,
     summed: bool,
 ) -> Members:
-    """Return a slice for each text; if texts are named, one slice has all other texts."""
+    """Return a slice for each text; if the request names texts, one slice has all other texts."""
     sides = [None if side is None else _as_texts(side).tolist() for side in values]
     there = {text for side in sides for text in side or ()} - {""}
     names = list(attribute.values) or sorted(there, key=natural)
@@ -275,7 +283,10 @@ def _numbered(
     rows: tuple[int, int],
     kept: Mask | None = None,
 ) -> Members:
-    """Return slices, also of rows without a value (-1) and of a side without values (None)."""
+    """Return slices in which each row is whole, given the index of the slice of each row.
+
+    One more slice has rows without a value (index -1), and one has a side without values (None).
+    """
     size = len(names)
     truth, estimate = (
         np.full(count, size + 1) if side is None else np.where(side < 0, size, side)
@@ -291,12 +302,12 @@ def _numbered(
 
 
 def _shown(value: float) -> str:
-    """Format a number in a name, as short as possible."""
+    """Format a number for the name of a slice, as short as possible."""
     return str(int(value)) if value.is_integer() and abs(value) < EXACT_BELOW else repr(value)
 
 
 def _quarters(values: Floats) -> list[float]:
-    """Return quartiles, rounded to two digits."""
+    """Return the quartiles of the finite values, rounded to two digits."""
     finite = np.sort(values[np.isfinite(values)])
     ends = (finite[int(share * (len(finite) - 1))] for share in QUARTILES)
     return sorted({float(f"{end:.2g}") for end in ends})
@@ -312,9 +323,9 @@ def values_of(
     distance: Distance,
     cutoff: float,
 ) -> tuple[Values | None, Values | None]:
-    """Return the values of truth and estimate rows, None for a side without the attribute.
+    """Return the value of each row of truth and estimate, None for a side without the attribute.
 
-    A column has precedence over values of the same name that follow from the states.
+    If a side has a column of this name, values that follow from the states are not used.
 
     Parameters
     ----------
@@ -330,7 +341,7 @@ def values_of(
     Raises
     ------
     ConfigError
-        Both sides are without the attribute.
+        Neither side has the attribute.
     """
     first, second = (_column(side, attribute.name) for side in sides)
     name = attribute.name.partition("@")[0]
@@ -350,7 +361,7 @@ def values_of(
 
 
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
-    """Return the number of other objects of this side that are nearer than the cutoff."""
+    """Return, for each row, the number of other rows of its step nearer than the cutoff."""
     own_side = side.reduced_to(distance.kinds)
     resources = Resources(jobs=1)
     both, distance = distance.prepared((own_side, own_side), resources)
@@ -431,7 +442,10 @@ def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
 
 
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
-    """Return distances from a point (default: origin), in the coordinates that the point has."""
+    """Return the distances of rows from the point of the attribute, by default the origin.
+
+    If the point has fewer coordinates than the states, only these are used.
+    """
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
@@ -448,11 +462,11 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
 
 
 def _speeds(side: Trajectories) -> Floats:
-    """Return speeds from the velocity in the states, or else from neighbouring rows in time.
+    """Return the speed of each row: from the velocity in the states, else from positions.
 
-    The speed at a row follows from the rows before and after it. At an end of the track, the row
-    itself replaces the missing row. Speeds are per second if times are ISO times. A track with one
-    row has no speed.
+    In the second case, the positions are those of the rows before and after it in its track. At an
+    end of the track, the row itself replaces the missing row. A track with one row has no speed.
+    Speeds are per second if times are ISO times.
     """
     velocity = [side.columns.index(name) for name in ("vx", "vy", "vz") if name in side.columns]
     if velocity:
@@ -476,7 +490,10 @@ def _speeds(side: Trajectories) -> Floats:
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Return the area of boxes from the states, or width times height or length from columns."""
+    """Return the area of each box: from the states, else as width times height from columns.
+
+    Without a column of heights, it is width times length.
+    """
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
     width = _extent(side, "width", ("left", "right"))
@@ -486,7 +503,7 @@ def _sizes(side: Trajectories) -> Floats | None:
 
 
 def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
-    """Return a size from its numeric column, or as the difference of columns with its ends."""
+    """Return a width, height or length: from its column, else from the columns of its two ends."""
     columns = [side.attributes.get(column) for column in (name, *ends)]
     numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in columns]
     if numbers[0] is not None or not ends:
@@ -496,14 +513,17 @@ def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | No
 
 
 def _ages(side: Trajectories) -> Floats:
-    """Return the number of steps since the first step of the track."""
+    """Return, for each row, the number of steps since the first step of its track."""
     first = np.zeros(len(side.ids), side.step.dtype)
     first[side.track[::-1]] = side.step[::-1]
     return (side.step - first[side.track]).astype(np.float64)
 
 
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
-    """Return whether each row is in all ranges of a region, ends included; blank if unknown."""
+    """Return "inside" for rows in all ranges of the region, ends included, else "outside".
+
+    A row is blank if a value is missing. The result is None if a column is missing.
+    """
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
         values = _column(side, name)
@@ -521,15 +541,18 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
 
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
-"""Costs in units of c^p and counts, by row of the truth and by row of the estimate.
+"""Costs in units of c^p, and counts: for each row of the truth, and for each row of the estimate.
 
-Rows of the truth have localisation, misses and switches; rows of the estimate false targets."""
+Rows of the truth have localisation, misses and switches. Rows of the estimate have false targets.
+"""
 
 
 def slice_members(
     fitted: AlignedPair, requested: Sequence[SliceBy], cutoff: float
 ) -> dict[str, Members]:
-    """Return the slices of each row of two sides, which do not depend on a solution.
+    """Return the requested slices, and which rows of truth and estimate are in them.
+
+    They do not depend on the assignment.
 
     Raises
     ------
@@ -540,7 +563,7 @@ def slice_members(
 
 
 def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
-    """Return the costs of a result by slice; `members` are the slices of its sides."""
+    """Return the costs of a result in each slice; `members` has the rows of each slice."""
     costs = row_costs(result.proof)
     unique = is_unique(result.proof, result.gap, everywhere=True)
     return tuple(
@@ -552,7 +575,9 @@ def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slici
 def slices_of(
     result: PairEvaluation | EvaluationByClass, texts: Sequence[str], *, summed: bool = False
 ) -> tuple[Slicing, ...]:
-    """Split a result by texts; `summed` means that slices are added to those of other results.
+    """Split a result into the slices that `texts` request.
+
+    `summed` says that the slices are added to those of other results.
 
     Raises
     ------
@@ -577,7 +602,7 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     for attribute in by.attributes:
         if reports is None:
             values = values_of(sides, attribute, fitted.distance, cutoff)
-        else:  # the reports have speeds and neighbours
+        else:  # speeds and neighbours are those of the reports
             at = sides[0], reports.estimate
             first, second = values_of(at, attribute, fitted.distance, cutoff)
             values = first, None if second is None else second[reports.row]
@@ -591,7 +616,10 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
 
 
 def row_costs(proof: PairProof) -> RowCosts:
-    """Return costs of an assignment by row, with errors of assigned states as in the summary."""
+    """Return the costs of an assignment by row.
+
+    Errors of assigned states are included; they leave out the same pairs as the summary.
+    """
     states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
     truths, estimates = problem.sides
@@ -639,7 +667,7 @@ def _evaluated_rows(truths: Objects) -> Floats:
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """Return the row of a true object at a step; if it has none, its next row or its last row."""
+    """Return the row of a true object at a step; else its next row, else its last row."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]
@@ -650,7 +678,7 @@ def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
 
 
 def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
-    """Return the sums of all slices that have rows or are shown when empty."""
+    """Return the slices with their sums; empty ones only if `whole.kept` says so."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
     for side, columns in enumerate(costs):
@@ -663,7 +691,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
                 sums[name] = sums[name] + parts if name in sums else parts
     for name in PARTS:
         sums[name] = sums[name] * scale
-    # A slice with only ignored states has no counted state, but may have a switch.
+    # All sums are tested: a slice in which all states are ignored may still have a switch.
     there = whole.kept | np.logical_or.reduce([value > 0 for value in sums.values()])
     return [
         Slice(name=whole.names[k], **{name: float(value[k]) for name, value in sums.items()})
@@ -672,6 +700,9 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
 
 
 def _sum_of_parts(value: Floats, first: Ints) -> Floats:
-    """Return pairwise sums of contiguous parts; a sum of n terms has log2(n) rounding errors."""
+    """Return the sum of each contiguous part; `first` has their begins, and the end.
+
+    NumPy sums pairwise, so a sum of n terms has about log2(n) rounding errors.
+    """
     bounds = first.tolist()
     return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

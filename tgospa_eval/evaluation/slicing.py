@@ -12,12 +12,12 @@ from tgospa_eval.quoting import option, quoted
 from tgospa_eval.results.slices import CROSSED
 
 AS_WEIGHT = "weight"
-"""Word for an attribute whose values are shares, used instead of edges."""
+"""Word that is written instead of edges if the values of an attribute are shares."""
 
 OF_REGION = "region"
 
 DERIVED = ("range", "speed", "size", "density", "age", OF_REGION)
-"""Attributes that follow from states, or from box columns."""
+"""Attributes that need no column of their own: they follow from states or box columns."""
 
 OF_BOXES = ("left", "top", "width", "height", "right", "bottom", "length")
 """Columns from which the size follows if the states are not boxes."""
@@ -27,7 +27,7 @@ MAX_CROSSED = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Attribute:
-    """One attribute, and the way in which its values make slices.
+    """One attribute, and how a value decides the slice.
 
     Parameters
     ----------
@@ -36,13 +36,14 @@ class Attribute:
     origin : tuple of float
         Point from which ``range`` is measured.
     edges : tuple of float
-        Increasing ends of ranges; if both outer ends are infinite, no value is outside.
+        Increasing ends of ranges, each of which is a slice. If both outer ends are infinite, no
+        value is outside.
     values : tuple of str
-        Texts, each with its own slice.
+        Texts, each of which has its own slice.
     weight : bool
         Whether values are shares from 0 to 1.
-    ranges : mapping of str to pair of float
-        Ranges of columns that define the inside of ``region``.
+    ranges : tuple of (str, float, float)
+        Columns with their smallest and largest values inside the ``region``.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Attribute:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns from which its values may come."""
+        """Columns of files that may have the values, or from which these may follow."""
         if self.ranges:
             return tuple(name for name, _, _ in self.ranges)
         if self.name == "size":
@@ -69,11 +70,11 @@ class SliceBy:
     Parameters
     ----------
     text : str
-        Attributes as requested.
+        Request of the attributes, as given.
     attributes : tuple of Attribute
-        One or two.
+        The attribute, or both.
     summed : bool
-        Whether slices are added to those of other evaluations, so that ranges must be given.
+        Whether the slices of several evaluations are added up. Then ranges must be given.
     """
 
     text: str
@@ -108,7 +109,7 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
 
 
 def requested_columns(slices: Iterable[SliceBy]) -> tuple[str, ...]:
-    """Return the columns that readers must look for."""
+    """Return the columns of files that these slices may need."""
     names = (name for by in slices for part in by.attributes for name in part.columns)
     return tuple(dict.fromkeys(names))
 
@@ -149,7 +150,7 @@ def _edges(ends: list[str], text: str) -> tuple[float, ...]:
         )
     if any(low >= high for low, high in pairwise(values)):
         raise ConfigError(f"{option('slices')} {quoted(text)}: edges must increase")
-    if len(ends) == 1:  # two slices: below the edge, and from it on
+    if len(ends) == 1:  # makes two slices: below the edge, and from it on
         return -math.inf, *values, math.inf
     low = () if ends[0] else (-math.inf,)
     high = () if ends[-1] else (math.inf,)

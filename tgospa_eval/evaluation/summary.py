@@ -1,8 +1,8 @@
 """Common tracking numbers of the proven assignment (docs/reference/summary.md).
 
-They are detection rate, errors, followed objects, breaks, false tracks, cardinality and SIAP. A
-pair counts by its weight, which is 1 except in mixed assignments. An object is followed at a step
-if the weights of its pairs sum to one half or more.
+The numbers are detection rate, errors, followed objects, breaks, false tracks, cardinality and
+SIAP. A pair counts by its weight, which is 1 except in mixed assignments. An object is followed at
+a step if the weights of its pairs sum to one half or more.
 """
 
 import math
@@ -42,7 +42,7 @@ PAIRS_TOGETHER = 1 << 16
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideRows:
-    """Evaluated states of a side, by track and time.
+    """Evaluated states of the truth or of the estimate, sorted by track and then by time.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class SideRows:
 
     @classmethod
     def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
-        """Return the joined tracks, renumbered, and the number of rows before each part."""
+        """Join the tracks under new indices; return also the number of rows before each part."""
         tracks, sizes = (
             np.cumsum([0, *counts])
             for counts in ([one.tracks for one in several], [len(one.track) for one in several])
@@ -85,16 +85,17 @@ class SideRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Evaluations on the same steps, in the form that the summary reads.
+    """One evaluation, or several on the same steps, in the form that the summary reads.
 
     Parameters
     ----------
     truth, estimate : SideRows
-        States of either side.
+        Evaluated states of the truth, and of the estimate.
     timestamps : (T,) float array
-        Times of the steps since the first, in the unit of the timestamps, or seconds for dates.
+        Time of each step since the first one, in seconds or the unit of the timestamps.
     at, to : (N,) int arrays
-        Rows of truth and estimate of each assigned pair, by truth and time.
+        Row of the truth, and row of the estimate, of each assigned pair. Pairs are sorted by row of
+        the truth.
     weight, error : (N,) float arrays
         Assigned weight and base distance of each pair.
     axes : Axes
@@ -124,7 +125,7 @@ class Tracked:
         sides, rows, places = [], [], []
         for side, mask in zip(problem.sides, evaluated, strict=True):
             chosen = np.arange(len(side.step), dtype=side.step.dtype)[mask]
-            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # sorted by step
+            chosen = chosen[np.argsort(side.track[chosen], kind="stable")]  # steps stay in order
             place = np.full(len(side.step), -1, side.step.dtype)
             place[chosen] = np.arange(len(chosen), dtype=place.dtype)
             step = side.step[chosen]
@@ -154,7 +155,7 @@ class Tracked:
 
     @classmethod
     def joined(cls, several: "Sequence[Tracked]") -> "Tracked":
-        """Return several evaluations on the same steps as one, with renumbered tracks."""
+        """Join several evaluations on the same steps; tracks get new indices."""
         truth, before_truth = SideRows.joined([one.truth for one in several])
         estimate, before_estimate = SideRows.joined([one.estimate for one in several])
         at = [one.at + k for one, k in zip(several, before_truth, strict=True)]
@@ -174,7 +175,10 @@ class Tracked:
 
 
 class Axes:
-    """Axes of states, the axes of the position first; on the Earth east and north in metres."""
+    """Axes along which errors are reported; those of the position come first.
+
+    On the Earth, the first two are east and north, in metres.
+    """
 
     def __init__(self, compared: ComparedSides) -> None:
         columns = compared.columns
@@ -196,7 +200,7 @@ class Axes:
         self.periods = [periods.get(name, np.inf) for name in names] if periods else None
 
     def between(self, first: Floats, second: Floats) -> Floats:
-        """Return the differences, second - first, of states (N, d) along each of q axes (N, q)."""
+        """Return the differences ``second - first`` of states (N, d) along all q axes, (N, q)."""
         difference = shortest_differences((second - first)[:, self.chosen], self.periods)
         if self.is_box:  # the position of a box is its centre
             difference[:, :2] += 0.5 * difference[:, 2:]
@@ -216,7 +220,7 @@ class Axes:
         timestamps: Floats,
         pairs: tuple[Ints, Ints, Floats],
     ) -> Sums:
-        """Return sums over assigned pairs; only the states of some pairs are in memory at a time.
+        """Return sums over the assigned pairs, computed part by part to save memory.
 
         Parameters
         ----------
@@ -229,7 +233,8 @@ class Axes:
         timestamps : (T,) float array
             Times of the steps.
         pairs : tuple of (N,) arrays
-            Rows of truth and estimate of each pair, by truth and time, and its weight.
+            Row of the truth, row of the estimate, and weight of each pair, sorted by row of the
+            truth.
         """
         at, to, weight = pairs
         truth, places = sides[0], self.places
@@ -241,11 +246,11 @@ class Axes:
             states = compared.truth[rows[0][row]], compared.estimate[report]
             if (
                 compared.reports is not None
-            ):  # with --resample, errors are those at the time of the report
+            ):  # on a common clock, errors are those at the time of the report
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
-            else:  # not with --resample, where a report holds for several steps and does not move
+            else:  # not on a common clock, where a report stays for several steps
                 time, who = timestamps[truth.step[row]], sides[1].track[to[own]]
                 on = (np.diff(row) == 1) & (np.diff(who) == 0) & ~truth.first[row[1:]]
                 span = np.diff(time)
@@ -281,7 +286,8 @@ class Axes:
     ) -> Floats:
         """Return velocities of some rows of the truth (N, k), NaN where they are unknown.
 
-        They come from the states, or else from neighbouring rows in time.
+        They are those in the states if these have one for each axis of the position. Otherwise, and
+        always on the Earth, they follow from the positions in the rows before and after.
         """
         if not self.on_earth and len(self.speeds) == self.places:
             return states[rows[at]][:, self.speeds]
@@ -294,7 +300,7 @@ class Axes:
 
 
 SUMMED = ("bent", "places", "velocities", "moving", "along", "way", "speeds", "squares")
-"""Sums of `Axes.sums` that are numbers."""
+"""Names of the sums of `Axes.sums` that are numbers, not arrays."""
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
@@ -364,12 +370,21 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stretches:
-    """Followed stretches of true objects: numbers by object, and sums over all objects.
+    """Numbers of the stretches of steps at which true objects are followed.
 
-    By object: `fragments` counts interruptions, `longest` is in steps, and `delay` is the time
-    until the object is first followed. Over all objects: `breaks` counts ends of a stretch before
-    the last state of its object, and changes of its estimate; `time` sums the time from each
-    followed state to the next state of the same object.
+    Parameters
+    ----------
+    fragments : int array
+        Number of interruptions of each object.
+    longest : int array
+        Number of steps of the longest stretch of each object.
+    delay : float array
+        Time until each object is followed for the first time, NaN if it never is.
+    breaks : int
+        Number of ends of stretches before the last state of the object, plus number of changes to
+        another estimate inside stretches.
+    time : float
+        Sum of the times from each followed state to the next state of the same object.
     """
 
     fragments: Ints
@@ -380,13 +395,13 @@ class _Stretches:
 
 
 def _stretches(tracked: Tracked) -> _Stretches:
-    """Return followed stretches; the estimate with the largest weight counts for an object."""
+    """Return the followed stretches; of several estimates, that with the largest weight counts."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
     time = tracked.timestamps[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
     who = np.full(size, -1)
     last = slice(None) if (np.diff(at) > 0).all() else np.lexsort((tracked.weight, at))
-    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last value of a row is kept
+    who[at[last]] = tracked.estimate.track[tracked.to[last]]  # the last value for a row stays
     goes_on = np.zeros(size, bool)
     goes_on[1:] = is_followed[1:] & is_followed[:-1] & ~truth.first[1:]
     begins = is_followed & ~goes_on
@@ -395,7 +410,7 @@ def _stretches(tracked: Tracked) -> _Stretches:
     run = np.cumsum(begins)[is_followed] - 1
     np.maximum.at(longest, truth.track[begins], np.bincount(run, minlength=int(begins.sum())))
     delay = np.full(truth.tracks, np.nan)
-    first = np.flatnonzero(begins)[::-1]  # the earliest value is written last, so it is kept
+    first = np.flatnonzero(begins)[::-1]  # the earliest value is written last, so it stays
     delay[truth.track[first]] = time[first]
     start = np.zeros(truth.tracks)
     start[truth.track[truth.first]] = time[truth.first]
@@ -414,8 +429,12 @@ def _stretches(tracked: Tracked) -> _Stretches:
 
 
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return distinct pairs of tracks and sums of their weights, for pairs in order of truth."""
-    for _ in range(2):  # neighbours are compared first, which leaves few to sort
+    """Return the distinct pairs of tracks, and the sum of the weights of each.
+
+    `whose` and `who` are the tracks of truth and estimate of each pair of states, in order of the
+    truth.
+    """
+    for _ in range(2):  # the first round joins neighbours, which leaves few to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]
@@ -425,11 +444,12 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
 
 
 def _errors(tracked: Tracked) -> Json:
-    """Return errors of assigned states: base distance, by axis, along and across the track.
+    """Return errors of assigned states, and the latency of the estimate.
 
-    An estimate with latency L is L v behind a true object of velocity v. The latency is the L that
-    minimises the sum of squares of ``e + L v``. Its gain is the share of the sum of squares of the
-    errors e that this L removes.
+    Errors are in the base distance, by axis, along the track and across the track. Let e be the
+    error and v the velocity of a true object. An estimate with the latency L is L v behind the
+    object. So the latency is the L for which the squares of ``e + L v`` have the smallest sum. Its
+    gain is the share by which this sum is smaller than for L = 0.
     """
     weight, error, sums = tracked.weight, tracked.error, tracked.sums
     total = float(weight.sum())
@@ -467,7 +487,10 @@ def _errors(tracked: Tracked) -> Json:
 
 
 def _smoothness(sums: Sums) -> Json | None:
-    """Return root mean squares of second differences of both sides, or None without any."""
+    """Return the root mean square second difference of positions, for truth and estimate.
+
+    The result is None if there are no second differences.
+    """
     if not sums["bent"]:
         return None
     estimate, truth = np.sqrt(sums["bends"] / sums["bent"]).tolist()
@@ -477,9 +500,9 @@ def _smoothness(sums: Sums) -> Json | None:
 def _siap(tracked: Tracked) -> Json:
     """Compute the metrics of the Single Integrated Air Picture (Votruba et al. 2001).
 
-    An association is a run of states of a true object to which one estimate is assigned. The
-    longest segment of an object is, as in Stone Soup, the largest total time for which one estimate
-    is assigned to it.
+    An association is a run of consecutive states of a true object to which the same estimate is
+    assigned. The longest segment of an object is, as in Stone Soup, the largest total time for
+    which one and the same estimate is assigned to it.
     """
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]
@@ -518,11 +541,14 @@ def _siap(tracked: Tracked) -> Json:
 
 
 def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
-    """Count the associations, given by first and last row, needed to follow each true object."""
+    """Return the smallest number of associations that cover the followed rows of each object.
+
+    `begin` and `end` are the first and the last row of each association.
+    """
     order = np.lexsort((end, begin))
     begin, end = begin[order], end[order]
     furthest = np.maximum.accumulate(end) if len(end) else end
-    if (begin[1:] > furthest[:-1]).all():  # only mixed assignments overlap
+    if (begin[1:] > furthest[:-1]).all():  # associations overlap only in mixed assignments
         return np.bincount(truth.track[begin], minlength=truth.tracks)
     needed = np.zeros(truth.tracks, np.int64)
     spans, k, best, covered = list(zip(begin.tolist(), end.tolist(), strict=True)), 0, -1, -1
@@ -530,7 +556,7 @@ def _needed(begin: Ints, end: Ints, truth: SideRows) -> Ints:
         row = covered + 1 if best > covered else max(covered + 1, spans[k][0])
         while k < len(spans) and spans[k][0] <= row:
             best, k = max(best, spans[k][1]), k + 1
-        if best > covered:  # the association that continues longest from here
+        if best > covered:  # takes the association that lasts longest from this row on
             needed[truth.track[row]] += 1
             covered = best
     return needed

@@ -1,8 +1,8 @@
 """TGOSPA over a range of one parameter, to see whether a conclusion depends on its value.
 
-Near pairs are searched once, for the largest cutoff. The ends of the range are solved first, then
-the middle between two solved values, and so on. Each point starts from its neighbours on either
-side (`solvers.warm_start`), and has its own proof.
+A point is the evaluation at one value. Near pairs are searched once, for the largest cutoff. The
+ends of the range are solved first, then the middle between two solved points, and so on. A middle
+starts from the solutions of these two points (`solvers.warm_start`). Each point has its own proof.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,16 +29,18 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 CONCAVE = ("cutoff", "switch_penalty")
-"""Parameters for which prices interpolated between two neighbours are a useful start."""
+"""Parameters for which prices interpolated between two solved points are a useful start."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""Half sweeps over all states, and iterations.
+"""Largest work of an easy solution: half sweeps over all states, and iterations.
 
-A solution without a warm start that took no more work than this is not kept as a start."""
+If a solution without a warm start was easy, it is not kept as a start of other points."""
 
 
 def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:
-    """Return the parameters of all points, by value.
+    """Return the parameters of all points, sorted by the value of the parameter `name`.
+
+    `rest` has the other parameters.
 
     Raises
     ------
@@ -58,7 +60,10 @@ def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tupl
 def _check_steps(
     sides: AlignedPair, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
 ) -> None:
-    """Check that all points have the same steps, because near pairs end outages of the estimate."""
+    """Check that all points have the same steps.
+
+    An outage of the estimate ends with a near pair. So the steps can depend on a swept cutoff.
+    """
     matching = request.time_matching
     if parameter != "cutoff" or not matching.of_estimate:
         return
@@ -82,18 +87,18 @@ def sweep_fitted(
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> SweepEvaluation:
-    """Evaluate each point of a resolved request.
+    """Evaluate all points of a sweep.
 
     Parameters
     ----------
     sides : AlignedPair
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
-        Request without the parameters.
+        Request, whose own parameters are not used.
     parameter : str
         Name of the swept parameter.
     parameters : sequence of Parameters
-        Parameters of each point, by value, as returned by `in_order`.
+        Parameters of each point, in the order of `in_order`.
     files, stopwatch
         Arguments of `api.evaluate.evaluate_pair`.
 
@@ -121,7 +126,7 @@ def sweep_fitted(
 
 
 class _Line:
-    """Points in the order of solution: first the ends, then middles between solved points."""
+    """Solver of the points: first those at both ends, then middles between solved points."""
 
     def __init__(
         self,
@@ -138,7 +143,7 @@ class _Line:
         self.solution: Solution | None = None
 
     def points(self) -> tuple[Point, ...]:
-        """Return all points."""
+        """Solve the points, and return them in order of their values."""
         solution: dict[int, Point] = {}
         saved: dict[int, SavedSolution | None] = {}
         progress, count = self.stopwatch.progress, len(self.parameters)
@@ -153,14 +158,18 @@ class _Line:
     def _solve(
         self, k: int, neighbours: tuple[int, ...], saved: list[SavedSolution | None]
     ) -> tuple[Point, SavedSolution | None]:
-        """Return a point, and its solution for neighbouring points if that is useful."""
+        """Return point k, and its solution if other points should start from it.
+
+        `neighbours` are the indices of the two solved points around it, and `saved` has their
+        solutions.
+        """
         parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
         if self.name == "rho" and self.near.unjudged is None:
-            # Bounds at smaller cutoffs need the prices of their own solution.
+            # All values of rho share a solution, except if it has bounds at smaller cutoffs.
             if self.solution is None or self.solution.reduced:
                 self.solution = replace(solver(states, stopwatch), disposable=False)
             return _point(prove(prepared, solver, self.solution, stopwatch), self.name), None
@@ -188,9 +197,10 @@ class _Line:
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
-        """Return the states of a point; switch penalties and rho change only prices.
+        """Return the reduced problem of a point.
 
-        With states that are not evaluated, rho also changes which pairs gain.
+        If only the switch penalty or rho changes, the reduction of the point before is used again.
+        Exception: if some states are not evaluated, rho also changes which pairs have a gain.
         """
         problem = self.measured.problem(self.near, parameters)
         unchanged = self.name == "switch_penalty" or (
@@ -203,7 +213,10 @@ class _Line:
 
 
 def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """Yield numbers of points, ends first, and the two solved points around each."""
+    """Yield the index of each point, and the indices of the two solved points around it.
+
+    The points at both ends come first. They have no solved points around them.
+    """
     yield 0, ()
     if count > 1:
         yield count - 1, ()
@@ -217,9 +230,10 @@ def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
 
 
 def _shares(low: Parameters, here: Parameters, high: Parameters, name: str) -> tuple[float, float]:
-    """Return the shares of two neighbours' prices in the price of a point, each in its own c^p.
+    """Return two factors with which prices at `low` and `high` add up to prices at `here`.
 
-    Prices in state units are interpolated linearly in c^p, or in gamma^p.
+    Prices in state units to the power p are interpolated linearly in c^p, or in gamma^p. The
+    factors also convert each price from the unit c^p of its own point.
     """
     if name == "cutoff":
         a, b = ((side.cutoff / here.cutoff) ** here.order for side in (low, high))
@@ -250,7 +264,7 @@ def _point(result: PairEvaluation, name: str) -> Point:
 
 
 def _timings(stopwatch: Stopwatch) -> dict[str, float]:
-    """Return seconds of all points together, by stage."""
+    """Return the seconds of each stage, summed over all points."""
     timings = {"read": 0.0, "distances": 0.0, "solve": 0.0, "certify": 0.0, "report": 0.0}
     for name, seconds in stopwatch.spans.items():
         timings[name.partition("/")[0]] += seconds

@@ -1,13 +1,16 @@
-"""Proof by the prices of a result that its assignment of near pairs is the only best one.
+"""Proof, by the prices of a result, that its assignment of near pairs is the only best one.
 
-At best prices v, every best assignment is a mixture of paths that are best for their rows. It also
-fills every slot (steps of an estimate) with v > 0, by complementary slackness. Rows that compete
-for an estimate are indifferent at these prices, so prices alone do not decide the path of each row.
-But a certain state of one row decides states of other rows: the slot that it fills is closed to
-them. If one state remains for a slot with v > 0, it fills the slot (docs/how-to/gradient.md).
+Let the prices be optimal. Then each row of a best assignment has a path that is best at these
+prices, or a mixture of such paths. Also, a best assignment fills every slot (steps of an estimate)
+with a price above 0, by complementary slackness. Rows that compete for an estimate have several
+best paths, so prices do not always decide.
 
-Assignments at steps without gain, as between two tracks while neither exists, are often not unique.
-They change no part of the cost, and are tested only at the steps of switches.
+Conclusions decide more. If one state of a row is certain, the slot that it fills is closed to all
+other rows. If only one state remains for a slot with a price above 0, this state is certain
+(docs/how-to/gradient.md).
+
+At some steps a pair has no gain, for example while neither object nor track exists. Assignments
+there are often not unique, but they change no part of the cost. They are tested only on request.
 """
 
 import itertools
@@ -21,15 +24,16 @@ from tgospa_eval.problem.states import ONE, States
 from tgospa_eval.results.records import PairProof
 
 NO_TIE = 1e-9
-"""Loss in units of c^p below which a path may be a best one, because of rounding."""
+"""A path with a loss below this, in units of c^p, may be a best one because of rounding."""
 
 SHARE = 100.0
 """Largest loss of a path in any best assignment, as a multiple of the gap.
 
-Paths with larger losses have weight 0, because weights of vertices are multiples of 1/2 to 1/18."""
+A path with a larger loss has the weight 0. In a vertex of the linear programme, weights are
+multiples of a fraction between 1/2 and 1/18, so any other weight would cost more than the gap."""
 
 ROUNDS = 50
-"""Largest number of rounds of conclusions; a round takes as long as two searches for best paths."""
+"""Largest number of rounds of conclusions; a round takes as long as two searches for paths."""
 
 
 def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
@@ -42,7 +46,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     gap : float
         Relative gap that counts as exact.
     everywhere : bool
-        Whether steps without gain are tested too; they decide at which step a switch is counted.
+        Whether pairs without gain are tested too. They decide at which step a switch is counted.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
@@ -50,7 +54,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     reach = max(NO_TIE, SHARE * (bounds.upper - bounds.lower))
     used, assigned = proof.weights > 0, proof.weights == ONE
     if not np.array_equal(used, assigned):
-        return False  # the best path is a mixture
+        return False  # weights between 0 and 1: a mixture of several best paths
     if not len(used):
         return True
     rows = _Rows(states, proof.prices, reach)
@@ -66,7 +70,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
 
 
 class _Rows:
-    """Candidates for the best paths of the rows; each conclusion removes some of them.
+    """States that may be on best paths of their rows; conclusions exclude some of them.
 
     Parameters
     ----------
@@ -85,14 +89,17 @@ class _Rows:
         self.priced = prices > reach
         self.row = states.pair_row[states.pair]
         single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-        # Rows with a single pair have no slots, so the pair has no neighbours of the same row.
+        # A row with a single pair has no slots: no other pair of this row competes with it.
         self.is_single = np.repeat(single, np.diff(states.pair_first))
         self.near, self.needed = _marks(states, self.value, prices, reach)
         self.certain = np.zeros(len(states.begin), bool)
         self.closed = np.zeros(len(states.begin), bool)
 
     def open(self, used: Mask, *, everywhere: bool) -> Mask:
-        """Return rows without known best paths, for near pairs or everywhere, (nodes,)."""
+        """Return a mask of rows, (nodes,), whose best path is not known yet.
+
+        `used` is the mask of assigned states. By default, only states with near pairs matter.
+        """
         unsure = (self.near != used) | (self.near & ~self.certain)
         if not everywhere:
             unsure &= self.states.entry >= 0
@@ -101,7 +108,11 @@ class _Rows:
         return rows
 
     def draw_conclusions(self) -> bool:
-        """Close rivals of certain states, and fill priced slots; return whether both succeed."""
+        """Draw conclusions until there are no new ones; return False if they contradict.
+
+        All rivals of a certain state are excluded. The only state left for a slot with a price is
+        certain.
+        """
         columns, rows = self.states.columns, self.states.rows
         while True:
             at = np.where(self.is_single, 0, rows.begin)
@@ -115,12 +126,15 @@ class _Rows:
             for slots in (columns, rows):
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
-                    return False  # rounded prices are not optimal
+                    return False  # a contradiction, as rounded prices are not optimal
                 self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
     def survey(self, wanted: Mask) -> bool:
-        """Search the best paths of some rows (nodes,) again; return whether fewer remain."""
+        """Search for best paths again, after conclusions; return whether candidates are fewer.
+
+        `wanted` (nodes,) is a mask of the rows that are searched.
+        """
         part, own = self.states.of_pairs(np.flatnonzero(wanted[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
@@ -132,15 +146,16 @@ class _Rows:
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
-    """Return masks of states: of those on a best path, and of those that begin without "none".
+    """Return two masks of states.
 
-    A path is a best one if its loss is at most `reach`. When a state of the second mask begins, no
-    best path is in "none".
+    The first marks states on a best path of their row. The second marks states such that no best
+    path of the row is in "none" when the state begins. A path is best if its loss is at most
+    `reach`.
     """
     if not kernels:
         loss, without = path_losses(states, value)
         return loss <= reach, without > reach
-    from tgospa_eval.solvers.dual_ascent import Ascent  # lazy: like the solvers
+    from tgospa_eval.solvers.dual_ascent import Ascent  # lazy: only with compiled kernels
 
     blocks = np.ones(len(states.block_begin), bool)
     ascent = Ascent(
@@ -151,9 +166,9 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """Return the loss of the best path of each row with a restriction, compared to its best path.
+    """Return how much worse the best path of a row becomes by a restriction, for each state.
 
-    The search uses Viterbi forward and backward in time, like `problem.paths.best_values`.
+    The Viterbi algorithm runs forward and backward in time, as in `problem.paths.best_values`.
 
     Parameters
     ----------
@@ -165,9 +180,9 @@ def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
     Returns
     -------
     through : (S,) float array
-        Loss of a path through each state.
+        Loss of the best path that goes through the state.
     without : (S,) float array
-        Loss of a path that is in "none" when the state begins.
+        Loss of the best path that is in "none" when the state begins.
     """
     bounds, order, pair_of, row_of = turns(states)
     price = states.problem.switch_price_at[states.begin[order]]

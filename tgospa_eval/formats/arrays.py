@@ -1,8 +1,8 @@
-"""Arrays by step and track, NaN where an object is absent: npy, npz and MAT files, and in memory.
+"""Arrays by step and track, in npy, npz and MAT files or in memory.
 
-Variables are states ``x``, their covariances ``P``, particles and their weights, times and ids.
-Each axis has a letter: T steps, n tracks, d coordinates, N particles. ``Tnd`` has the axes
-(T, n, d).
+States are NaN where an object is absent. A file may have variables of these kinds: states ``x``,
+their covariances ``P``, particles and their weights, times, and ids. Each axis has a letter: T
+steps, n tracks, d coordinates, N particles. An array with the axes ``Tnd`` has the shape (T, n, d).
 """
 
 import io
@@ -30,7 +30,7 @@ from tgospa_eval.tracks.trajectories import as_doubles, column_names
 AXES = 3
 
 LARGEST_ARRAY = 2**63
-"""Number of bytes that NumPy cannot count; an axis of size 0 counts as one of size 1."""
+"""Size in bytes that NumPy refuses; it counts an axis of size 0 like an axis of size 1."""
 
 NAMES = {
     "x": ("x", "xState", "states"),
@@ -50,10 +50,12 @@ MATLAB = {
     "particles": ("dNTn", "dNnT", "TnNd"),
     "weights": ("NTn", "NnT", "TnN"),
 }
-"""Possible axes of variables; a name such as x_dTn has its axes in it."""
+"""Possible axes of each kind of variable in MAT files. A name such as x_dTn says the axes."""
 
 STATE_NAMES = {"x", "lat", "left"}
-"""Columns by which states are recognised, as in tables."""
+"""Names that the first coordinate of the states has in tables.
+
+If no coordinate has such a name, all coordinates are read as states."""
 
 Array: TypeAlias = NDArray[np.generic]
 Variables: TypeAlias = Mapping[str, Array]
@@ -63,16 +65,19 @@ NAPARI = (
     "; rows of tracks (id, t, y, x, as of napari) are written as CSV by pandas.DataFrame(array, "
     'columns=["id", "t", "y", "x"]).to_csv(FILE, index=False)'
 )
-"""Remedy for tables of tracks."""
+"""Remedy for an array of napari, which is a table and not an array by step and track."""
 
 
 def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of an npy file, the same in either role; ids and times count from 0.
+    """Read the rows of an npy file.
+
+    Ids and times count from 0. `role` has no effect.
 
     Raises
     ------
     InputError
-        The file is not npy, its array does not have three axes, or an error of `formats.read`.
+        The file is not npy, its array does not have three axes, or its content is wrong (see
+        `formats.read`).
     """
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has shape (T, 0, d)")
@@ -86,7 +91,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _array(path: str, data: bytes) -> Array:
-    """Return the array of an npy file, after a check of its size against the header."""
+    """Return the array of an npy file, after a check that the file has the size in its header."""
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
@@ -103,7 +108,7 @@ def _array(path: str, data: bytes) -> Array:
     try:
         values = np.frombuffer(data, kind, offset=stream.tell())
         return values.reshape(shape, order="F" if in_columns else "C")
-    except ValueError as error:  # types without bytes, or huge axes next to one of size 0
+    except ValueError as error:  # a type without bytes, or huge axes and one of size 0
         raise unreadable(path, "npy", error) from None
 
 
@@ -151,22 +156,23 @@ def array_rows(
     options : ReadOptions
         Options of reading.
     file : int, optional
-        Size of the file in bytes, if the arrays are from a file.
+        Size of the file in bytes, for the check of memory, if the arrays are from a file.
     axes : mapping of str to tuple of str
-        Possible axes of each kind of variable; with `MATLAB` steps and tracks count from 1.
+        Possible axes of each kind of variable. With `MATLAB`, steps and tracks count from 1.
     there : (T, n) bool array, optional
         True where a state exists; by default where it has no NaN.
     names : tuple of str, optional
         Names of the d coordinates; ignored if their number is not d.
     chosen : sequence of int, optional
-        Numbers of the coordinates to compare.
+        Indices of the coordinates to compare; by default all.
 
     Raises
     ------
     InputError
-        Sizes do not fit each other, or fit in several ways; or an error of `formats.read`.
+        Sizes do not fit each other, or fit in several ways; or the content is wrong (see
+        `formats.read`).
     """
-    import pandas as pd  # lazy: other formats do without
+    import pandas as pd  # lazy: slow to import
 
     from tgospa_eval.formats.frames import frame_rows
 
@@ -181,14 +187,14 @@ def array_rows(
     if not size:
         raise InputError(f"{path}: {labels[what]}: no coordinates")
     first = int(axes is MATLAB)
-    if there is None:  # next to an axis of size 0 the others may be huge
+    if there is None:  # an empty array may have huge axes
         there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
         about = " and ".join(labels[kind] for kind in tables)
         width = size + (size * size + 2 if "P" in tables else 2)
-        count = max(len(step) * each, 1)  # an empty array also has column names
+        count = max(len(step) * each, 1)  # names of columns also need memory
         check_memory(path, TABLE * 8 * count * width, file, options.max_input, about)
     names = _columns(path, kinds, size, options, names)
     table: dict[str, Any] = {}
@@ -207,7 +213,7 @@ def array_rows(
         table |= spread_columns(names, tables["P"][at])
     warnings: tuple[Notice, ...] = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        options = replace(options, columns=names)  # names are unknown, but all columns are states
+        options = replace(options, columns=names)  # all coordinates are states
         if "columns" not in kinds and chosen is None:
             warnings = (all_compared(names),)
     roles = find_roles(list(table), options, path)
@@ -244,7 +250,10 @@ def _columns(
 
 
 def _weights(points: Floats, given: Floats | None) -> Any:
-    """Return the weights of particles (R, N, d) as a flat array; by default equal weights."""
+    """Return the weights of particles as a flat array; by default equal weights.
+
+    `points` (R, N, d) has N particles for each of R states; `given` (R, N) has their weights.
+    """
     if given is None:
         there = ~np.isnan(points).any(axis=2)
         given = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
@@ -264,7 +273,7 @@ def _chosen(
 
 
 def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
-    """Return the numbers of the components of states to compare; all if none are chosen.
+    """Return the indices of the components of states to compare: the chosen ones, or all.
 
     Raises
     ------
@@ -281,7 +290,7 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
 
 
 def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
-    """Return matrices (R, d, d) as columns of a table that `formats.spread` can read."""
+    """Return covariances (R, d, d) as columns of a table that `formats.spread` can read."""
     return {
         f"cov_{one}_{other}": matrices[:, i, j]
         for i, one in enumerate(names)
@@ -300,7 +309,10 @@ def all_compared(names: tuple[str, ...]) -> Notice:
 
 
 def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]], list[str]]:
-    """Return the variables by kind, each with its name, and the unused ones with their sizes."""
+    """Return name and array of each used variable by its kind, and a list of unused variables.
+
+    The list has names and sizes, for messages.
+    """
     kinds: dict[str, tuple[str, Array]] = {}
     unused = []
     for name, array in arrays.items():
@@ -334,7 +346,10 @@ def _oriented(
     known: dict[str, int],
     axes: Mapping[str, tuple[str, ...]],
 ) -> dict[str, Floats]:
-    """Return the arrays with the axes of `NUMPY`, which follow from the sizes of all arrays.
+    """Transpose the arrays so that they have the axes of `NUMPY`.
+
+    The axes of each array are those that fit the sizes of all arrays. `known` has the sizes of axes
+    that follow from times, ids and names of columns. `axes` has the possible axes of each kind.
 
     Raises
     ------
@@ -380,9 +395,9 @@ def _oriented(
 
 
 def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
-    """Return whether an array has these axes, and add their sizes to `sizes`.
+    """Return whether an array can have the axes `way`, and add their sizes to `sizes`.
 
-    With `drop`, last axes of size 1 may be missing.
+    With `drop`, missing last axes are axes of size 1, which MATLAB drops.
     """
     if drop:
         shape += (1,) * (len(way) - len(shape))
@@ -392,7 +407,7 @@ def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool
 
 
 def _turned(array: Array, way: str, kind: str) -> Floats:
-    """Transpose an array to the axes of `NUMPY`."""
+    """Transpose an array from the axes `way` to the axes of `NUMPY`."""
     array = array.reshape(array.shape + (1,) * (len(way) - array.ndim))
     left, order = list(way), []
     for axis in NUMPY[kind][0]:
@@ -413,16 +428,17 @@ def _whole(times: Array) -> Array:
 
 
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of an npz file, the same in either role.
+    """Read the rows of an npz file; `role` has no effect.
 
     The file has arrays ``id, t, weight, x, y, ...`` of one length, like the columns of a CSV file.
-    ``x`` may also be an array (P, d) of P rows and d columns. These are named x, y, z, or x0, x1,
-    ... if d > 3. The file may also have arrays by step and track.
+    ``x`` may also be an array (P, d) of P rows and d columns. These columns are named x, y, z; if
+    d > 3, they are named x0, x1, ... Instead, the file may have arrays by step and track.
 
     Raises
     ------
     InputError
-        The file is not npz, or an error of `formats.read`, in which rows count from 0.
+        The file is not npz, or its content is wrong (see `formats.read`). In messages, rows count
+        from 0.
     """
     import pandas as pd
 
@@ -468,7 +484,10 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _unpacked(data: bytes) -> int:
-    """Return the size of the unpacked arrays from the directory of the archive; 0 if unreadable."""
+    """Return the size of the unpacked arrays in bytes; 0 if the archive cannot be read.
+
+    The directory of the archive has the size, so that nothing is unpacked.
+    """
     import zipfile  # lazy: slow to import
 
     try:

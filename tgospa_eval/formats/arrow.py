@@ -1,4 +1,4 @@
-"""Tables of Arrow, from Parquet and Feather files, with the columns of CSV files."""
+"""Readers of Parquet and Feather files: tables of Arrow with the same columns as CSV files."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -26,7 +26,7 @@ def arrow_rows(
     options: ReadOptions,
     where: Callable[[int], str] | None = None,
 ) -> Rows:
-    """Read the rows of a table; columns that are not used are not read.
+    """Read the rows of an Arrow table, but only the columns that are used.
 
     Parameters
     ----------
@@ -35,16 +35,17 @@ def arrow_rows(
     schema : pyarrow.Schema
         Schema of all columns.
     read : callable
-        Callable that receives names of columns and returns the table of these columns, in order.
+        Callable that receives names of columns and returns a table of these columns.
     options : ReadOptions
         Options of reading.
     where : callable, optional
-        Callable that returns the file and number of a row, if the table has rows of several files.
+        Callable that returns the file and number of a row, for messages; needed if the table has
+        rows of several files.
 
     Raises
     ------
     InputError
-        The content is damaged, or an error of `formats.read`, in which rows count from 0.
+        The content is damaged or wrong (see `formats.read`). In messages, rows count from 0.
     """
     from tgospa_eval.formats.frames import frame_rows  # lazy: pandas takes 50 MB
 
@@ -55,12 +56,13 @@ def arrow_rows(
     check_types(schema, roles, path)
     with readable(path, kind):
         table = read(subset).select(subset)
-        table.validate(full=True)  # pandas checks texts late or never
+        table.validate(full=True)  # pandas would check texts late or never
         check_dates(table, where or f"{path}, row {{}}".format)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     del table
-    # The subset lacks headers that are mapped but not used, so positions differ.
+    # Positions in the subset differ, so roles are assigned again. The subset lacks headers that are
+    # mapped but not used; as `shared` names they are allowed to be missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     subset_roles = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}
@@ -133,7 +135,10 @@ def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
 
 
 def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
-    """Convert integer columns with missing values to texts, as pandas would make them floats."""
+    """Convert the named columns to texts if they have integers and missing values.
+
+    pandas would convert such columns to floats, which are not exact.
+    """
     import pyarrow as pa
 
     for name in names:
@@ -144,12 +149,15 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
 
 
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a Parquet file, the same in either role; only used columns are read.
+    """Read the rows of a Parquet file, but only the columns that are used.
+
+    `role` has no effect.
 
     Raises
     ------
     InputError
-        The file is not Parquet, or an error of `formats.read`, in which rows count from 0.
+        The file is not Parquet, or its content is wrong (see `formats.read`). In messages, rows
+        count from 0.
     ConfigError
         pyarrow is not installed.
     """
@@ -160,12 +168,15 @@ FIRST_VERSION = b"FEA1"
 
 
 def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a Feather file, the same in either role; only used columns are read.
+    """Read the rows of a Feather file, but only the columns that are used.
+
+    `role` has no effect.
 
     Raises
     ------
     InputError
-        The file is not Feather, or an error of `formats.read`, in which rows count from 0.
+        The file is not Feather, or its content is wrong (see `formats.read`). In messages, rows
+        count from 0.
     ConfigError
         pyarrow is not installed.
     """
@@ -185,7 +196,7 @@ def _file_rows(path: str, kind: str, data: bytes, options: ReadOptions) -> Rows:
     take: Callable[..., pa.Table]
     with readable(path, kind):
         if kind == "Parquet":
-            import pyarrow.parquet as pq  # lazy, as below: slow to import
+            import pyarrow.parquet as pq  # lazy: slow to import
 
             file = pq.ParquetFile(pa.BufferReader(data))
             schema, rows, take = file.schema_arrow, file.metadata.num_rows, file.read
@@ -215,19 +226,19 @@ ARGOVERSE_HEADERS = {
 
 
 def read_argoverse(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
-    """Read the rows of a Feather file of Argoverse 2; states are by default the centres (x, y).
+    """Read the rows of a Feather file of Argoverse 2; by default the states are the centres (x, y).
 
     Raises
     ------
     InputError
-        An error of `read_feather`.
+        The file cannot be read, see `read_feather`.
     ConfigError
         pyarrow is not installed.
     """
     if not options.boxes:
         mapped, wanted = parse_columns(options.columns)
         wanted = wanted or ("x", "y")
-        names = dict.fromkeys(("id", "t", "class", *mapped, *wanted))  # states in their order
+        names = dict.fromkeys(("id", "t", "class", *mapped, *wanted))  # states in order
         headers = {name: mapped.get(name) or ARGOVERSE_HEADERS.get(name) for name in names}
         items = tuple(f"{name}={header}" if header else name for name, header in headers.items())
         options = replace(options, columns=items)

@@ -1,4 +1,8 @@
-"""Conversion of the rows of a file to Trajectories: filters, duplicates and order."""
+"""Conversion of the rows of a file to Trajectories: filters, duplicates and order.
+
+An (id, t) is the id and the time of a row. Each row has a number as its key. Rows that are sorted
+by key are in the order of steps, and within a step in the order of tracks.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -30,7 +34,7 @@ AIS_UNKNOWN = (91.0, 181.0)
 
 
 def rules_said() -> dict[str, str]:
-    """Return the message about left-out rows for each rule."""
+    """Return, by the name of a rule, the end of the message about rows that the rule leaves out."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -42,7 +46,7 @@ def rules_said() -> dict[str, str]:
 
 
 def no_classes() -> str:
-    """Return the notice about a filter by class for a file without classes."""
+    """Return the notice that a filter by class has no effect, as the file has no classes."""
     return f"no column class, so {option('class_')} leaves out none of its rows"
 
 
@@ -53,10 +57,10 @@ def centres_compared() -> str:
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
-    """Assemble the trajectories of the rows that take part, and count left-out rows by reason.
+    """Build the trajectories of the rows that take part, and count left-out rows by rule.
 
     A row counts under the first rule that leaves it out. All times of the file within the range of
-    time stay steps, also if no row is left at a step.
+    time stay steps, even if no row is left at a step.
 
     Raises
     ------
@@ -70,11 +74,12 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    timestamps, step, labels = _grid(rows, options, choice)  # parts read only these times
+    # The range of time is first: of a file that is read in parts, only this range is read.
+    timestamps, step, labels = _grid(rows, options, choice)
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
             choice.keep(~mask, rule, sentence)
-    filled = (state == state).all(axis=1)  # NaN differs from itself
+    filled = (state == state).all(axis=1)  # False for NaN
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
@@ -106,7 +111,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         if drop is not None:
             taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
     choice.warnings += _about_ids(rows, taken, options)
-    # Dividing the sorted keys is cheaper than gathering two columns from all over the table.
+    # Steps and tracks come from the sorted keys: taking them from the unsorted rows is slower.
     step, track = np.divmod(ordered, max(len(track_ids), 1))
     used, track = _renumbered(track, len(track_ids))
     covariance = None
@@ -157,7 +162,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
-    """Return rows whose ids end with the class, if several classes share an id at one step."""
+    """Append the class to all ids, if several classes have the same id at one step."""
     assert rows.classes is not None
     (names, number), (classes, klass) = rows.ids, rows.classes
     taken = np.flatnonzero(mask)
@@ -170,15 +175,19 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
-"""Ids that programs write for a row without a track."""
+"""Texts that programs write as the id of a row without a track."""
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
-    """Yield warnings about ids that may mean no track, number rows or times, or are not unique."""
+    """Yield warnings about doubtful ids.
+
+    These are ids that may mean "no track", that may be swapped with times, that differ in every
+    row, or that restart in each group (`headers.GROUP`).
+    """
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
     for k in np.flatnonzero(np.isin(names, NO_TRACK) & (count > 0)) if len(names) > 1 else ():
-        # The count is only known if all rows of a side are here.
+        # Without all rows of the file the count is not known.
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
@@ -228,7 +237,10 @@ PLACED = ("left", "top", "width", "height")
 
 
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
-    """Return whether consecutive rows of one step are much nearer than those of one id."""
+    """Return whether ids and times seem to be swapped.
+
+    This is so if rows of one step are much nearer to each other than consecutive rows of one id.
+    """
     taken = taken[:SAMPLED]
     number, timestamps = rows.ids[1][taken], rows.times.value[taken]
     places = rows.numbers[taken, :2]
@@ -243,7 +255,7 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
-"""Number of rows that are examined; and ratio of distances from which ids and times may be
+"""Number of rows that are examined, and ratio of distances above which ids and times seem to be
 swapped."""
 
 
@@ -262,18 +274,18 @@ UNKNOWN = (-1.0, 0.0)
 
 
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
-    """Return the headers of the states if all positions are unknown and the user named no states.
+    """Return the headers of the states, if all positions seem to be unknown.
 
-    All positions are unknown if they are blank or the same in all rows, and one of two things
-    holds. Programs write these numbers for unknown positions, or there are several objects, which
-    cannot have one position.
+    This is so in three cases: all positions are blank; all are the same although there are several
+    objects; or all columns have one number of `UNKNOWN` in all rows. For a single row this number
+    must be -1. In other cases, and if the user named the states, the result is empty.
     """
     columns = dict.fromkeys(column for mix in rows.roles.state for column, _ in mix)
     if not len(rows.numbers) or not rows.roles.headers or parse_columns(options.columns)[1]:
         return ()
     numbers = rows.numbers[:, [rows.roles.numbers.index(column) for column in columns]]
     first = numbers[0]
-    same = (numbers[-1] == first) | (first != first)  # quick, as most columns vary
+    same = (numbers[-1] == first) | (first != first)  # a quick test, as most columns vary
     if not same.all() or not ((numbers == first) | (numbers != numbers)).all():
         return ()
     is_unknown = any((first == value).all() for value in UNKNOWN[: len(numbers)])
@@ -282,7 +294,7 @@ def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
 
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
-    """Return the boxes that the format marks as ignored regions, if it has any."""
+    """Return the boxes that the format marks as ignored regions; None without such boxes."""
     at = [np.flatnonzero(mask) for rule, (mask, _) in rows.excluded.items() if rule in AS_REGIONS]
     boxes = np.concatenate([np.zeros(0, np.int64), *at])
     boxes = boxes[(state[boxes, 2:] > 0).all(axis=1)]
@@ -297,7 +309,10 @@ def _regions(rows: Rows, state: Floats) -> Regions | None:
 
 
 def said_of(rule: str, count: int, which: str) -> str:
-    """Return the message about the rows that a rule leaves out; `which` is from `on_duplicate`."""
+    """Return the message about `count` rows that a rule leaves out.
+
+    `which` says which of several duplicates was used: first or last.
+    """
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
         return f"{rows_repeat} an (id, t): the {which} one was used"
@@ -307,7 +322,8 @@ def said_of(rule: str, count: int, which: str) -> str:
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
     """Yield notices about requested classes that are missing or spelled in another way.
 
-    With `whole`, names that differ only in upper and lower case may mean the same class.
+    `there` has the classes of the file. With `whole`, a requested name also means the only class
+    that differs from it just in upper and lower case.
     """
     requested = {name.strip() for name in options.classes or ()}
     for name in sorted(requested):
@@ -332,7 +348,7 @@ class _Choice:
         self.warnings: list[Notice] = []
 
     def keep(self, inside: Mask, rule: str, sentence: str = "") -> None:
-        """Leave out rows that are not inside; `sentence` replaces the message of the rule."""
+        """Leave out rows where `inside` is False; `sentence` replaces the message of the rule."""
         if inside.all():
             return
         before = int(np.count_nonzero(self.mask))
@@ -349,16 +365,21 @@ class _Choice:
 
 
 def _may_pass_midnight(times: TimeArray) -> bool:
-    """Return whether times span more than 12 h if they are in seconds, which is rare."""
+    """Return whether times may span more than half a day.
+
+    The sorted times are compared as if they were in seconds. Other units span larger numbers, so
+    they also pass. Most files do not, and for these `over_midnight` is not needed.
+    """
     return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
 
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
-    """Return the distinct times in order, the step of each row, and the times as they were read.
+    """Return the distinct times in order, the step of each row, and the texts of these times.
 
-    Only times within the range of time are returned; rows outside this range are left out.
+    There are no texts (None) if times are numbers. Only times within the range of time are
+    returned; rows outside this range are left out.
     """
     times = rows.times
     if options.day_begins is not None:
@@ -409,7 +430,7 @@ def _values(rows: Rows, column: int) -> Values:
     Raises
     ------
     InputError
-        The column has the weights of particles, and a value is not a number.
+        The column may have the weights of particles, and a value is not a number.
     """
     roles = rows.roles
     if column in rows.attributes:
@@ -422,14 +443,14 @@ def _values(rows: Rows, column: int) -> Values:
         times = rows.times
         return np.array(times.value if times.text is None else list(times.text))
     numbered = rows.ids if column == roles.id else rows.classes
-    assert numbered is not None  # a column is an id, a class or a text
+    assert numbered is not None  # the column has ids or classes
     return cast(Values, numbered[0][numbered[1]])
 
 
 def _keep_region(
     rows: Rows, options: ReadOptions, particles: "Particles | None", choice: _Choice
 ) -> None:
-    """Leave out rows outside the region; the mean decides for the particles of a cloud."""
+    """Leave out rows outside the region; a cloud is left out if its mean is outside."""
     if not rows.roles.region:
         return
     values = rows.roles.mixed(rows.numbers, tuple(rows.roles.region.values()))
@@ -449,8 +470,8 @@ def _check_states(
 ) -> None:
     """Refuse or leave out invalid states of the rows that take part.
 
-    States are invalid if a box has a wrong size, a sum overflows, or the distance does not allow
-    them.
+    A state is invalid if its box has a wrong size or is too large for a number, or if the distance
+    does not allow it. With `droppable`, the option `on_invalid` can leave such rows out.
 
     Raises
     ------
@@ -459,7 +480,7 @@ def _check_states(
     """
 
     def leave_out(wrong: Mask, column: str, fault: str, remedy: str = "") -> None:
-        """Leave out rows, or refuse them with a message about the first."""
+        """Leave out wrong rows, or raise an error about the first of them."""
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
             return
@@ -505,12 +526,15 @@ def _repeats(
     format: str,
     choice: _Choice,
 ) -> Ints | None:
-    """Return the positions in `taken`, sorted by key, of the repeated (id, t) rows to leave out.
+    """Return which rows to leave out because their (id, t) is repeated; None without such rows.
+
+    `taken` has the rows that take part, in the order of their keys, and `ordered` has these keys.
+    The result has positions in `taken`.
 
     Raises
     ------
     InputError
-        An (id, t) is repeated, or every id is -1, and the options do not say which row is taken.
+        An (id, t) is repeated, and the options do not say which row to use; or every id is -1.
     """
     which = options.on_duplicate
     again = places_of(ordered[1:] == ordered[:-1])
@@ -519,7 +543,7 @@ def _repeats(
             raise InputError(only_detections(rows.name))
         return None
     if which == "error":
-        for name in ("id", "t"):  # a missing column may be the cause
+        for name in ("id", "t"):  # a missing column may be the reason
             if name in rows.roles.missing:
                 raise InputError(rows.roles.missing[name])
         raise InputError(refusal(taken, again, key, rows, format, options.option))
@@ -539,7 +563,10 @@ def _repeats(
 
 
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return the numbers below `count` that occur, and all numbers renumbered without gaps."""
+    """Return the distinct values of `number`, and all values renumbered without gaps.
+
+    All values are below `count`.
+    """
     occurs = np.bincount(number, minlength=count) > 0
     used = places_of(occurs)
     return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
@@ -548,7 +575,7 @@ def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
 def _classes(
     rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
 ) -> tuple[tuple[str, ...], Ints | None]:
-    """Return the names of the classes and the number of the class of each row, if requested."""
+    """Return the names of the classes, and the index of the class of each row, if requested."""
     if not options.by_class or rows.classes is None:
         return (), None
     names, number = rows.classes
@@ -564,7 +591,7 @@ def _classes(
 def _covariances(
     rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
-    """Return the covariances of some rows."""
+    """Return the covariances of the rows `taken`, and add notices about them to `choice`."""
     from tgospa_eval.formats.spread import covariances_of
 
     numbers = rows.roles.numbers
@@ -582,12 +609,12 @@ def _covariances(
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
-    """Return all or the chosen rows in the order of their keys, and the sorted keys."""
+    """Return the chosen rows (by default all) in the order of their keys, and the sorted keys."""
     if chosen is not None:
         key = key[chosen]
     if (key[1:] > key[:-1]).all():  # most programs write sorted rows
         return (np.arange(len(key)) if chosen is None else chosen), key
-    if len(key) and key.max() < 4 * len(key):  # nearly a full grid: a table is quicker than sorting
+    if len(key) and key.max() < 4 * len(key):  # few gaps: quicker than sorting
         table = np.full(int(key.max()) + 1, -1)
         table[key] = np.arange(len(key))
         ordered = np.flatnonzero(table >= 0)
@@ -599,7 +626,7 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
 
 
 def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
-    """Return the distinct times in order, and the number of the time of each row."""
+    """Return the distinct times in order, and the index of the time of each row."""
     if (value[1:] >= value[:-1]).all():  # most programs write rows in the order of time
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
@@ -609,7 +636,7 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
 
 
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
-    """Return the requested attributes of some rows; a cloud has those of its first particle."""
+    """Return the requested attributes of the rows `taken`; a cloud has those of its first row."""
     roles = rows.roles
     columns: dict[int, Values] = dict(rows.attributes)
     columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
@@ -622,7 +649,7 @@ def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
             values[name] = times if rows.times.text is not None else times.astype(np.float64)
         else:
             numbered = rows.ids if column == roles.id else rows.classes
-            assert numbered is not None  # a column is an id, a class or a text
+            assert numbered is not None  # the column has ids or classes
             values[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
     return values
 
@@ -632,7 +659,7 @@ PARTICLES_HINT = 'if the rows are particles of one object, add a column "weight"
 ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
-"""Share of rows with one id from which nearly all rows have this id."""
+"""Smallest share of rows with one id for which a message says that nearly every id is this one."""
 
 
 def only_detections(name: str) -> str:
@@ -650,13 +677,13 @@ def refusal(
     taken : int array
         Rows that take part, in the order of their keys.
     again : int array
-        Positions in `taken` whose next row has the same key.
+        Positions in `taken` of the rows whose next row has the same key.
     key : (R,) int array
-        Keys of all rows, by time and id.
+        Keys of all rows of the file.
     rows, format
         Rows of the file, and name of its format.
     columns : str
-        Keyword with which the user names columns; blank for a DataFrame.
+        Option with which the user names columns; blank for a DataFrame.
     """
     second = taken[again + 1]
     k = int(np.argmin(second))
@@ -693,7 +720,7 @@ def refusal(
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
-    """Return a reason why rows repeat an (id, t), with a remedy; blank if the reason is unknown."""
+    """Return the likely reason why rows repeat an (id, t), with a remedy; blank if unknown."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):

@@ -31,12 +31,14 @@ LEAPS = (
     *(393_984_007, 425_520_008, 457_056_009, 504_489_610, 551_750_411, 599_184_012, 820_108_813),
     *(914_803_214, 1_025_136_015, 1_119_744_016, 1_167_264_017),
 )
-"""GPS seconds of the leap seconds, which set UTC back by 1 s: 1981-07-01 to 2017-01-01 (IERS)."""
+"""Leap seconds from 1981-07-01 to 2017-01-01 (IERS), in seconds of GPS.
+
+Each sets UTC back by 1 s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeForm:
-    """Format, time zone and epoch of the times of a side.
+    """Format, time zone and epoch of the times of the truth or the estimate.
 
     Parameters
     ----------
@@ -46,7 +48,7 @@ class TimeForm:
     zone : str
         Time zone of times without a zone, such as ``Europe/Copenhagen``; blank means unknown.
     role : str
-        Side that has these times, for messages.
+        Role of the file with these times, ``truth`` or ``estimate``, for messages.
 
     Raises
     ------
@@ -141,7 +143,7 @@ class TimeForm:
         )
 
     def zoned(self, times: Times) -> Times:
-        """Convert times without zone to UTC, if a zone is given.
+        """Convert times without a zone to UTC, if the user gave their zone.
 
         Raises
         ------
@@ -183,7 +185,10 @@ def _in_utc(code: Ints, value: Ints) -> Times:
 
 
 def _in_words(code: Ints, value: Ints, clock: str) -> Times:
-    """Return times with their ISO texts, from distinct values and the index of each row in them."""
+    """Return times with their ISO texts.
+
+    `value` has the distinct times, and `code` has the index in `value` of the time of each row.
+    """
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
@@ -224,11 +229,12 @@ def carried(times: Times, begins: float, name: str) -> Times:
 
 
 def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
-    """Return the first row that seems to begin a new day, with a remedy; None without such a row.
+    """Return the first row that seems to begin a new day, with a remedy.
 
-    In the order of the file, such a row is more than half a day earlier than the previous row of
-    its track. If any row is more than half a day later than the previous row of its track, the rows
-    are not in order of time, and the result is None.
+    The times must be times of day. In the order of the file, such a row is more than half a day
+    earlier than the previous row of its track. The result is None if there is no such row. It is
+    also None if a row is more than half a day later than the previous row of its track: then the
+    rows are not in the order of time.
 
     Parameters
     ----------
@@ -237,7 +243,7 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
     timestamps : array
         Distinct times in order.
     track : (R,) int array
-        Track of each row.
+        Index of the track of each row.
     """
     ends = timestamps[0].item(), timestamps[-1].item()
     unit = 1 if times.clock == "number" else SECOND
@@ -266,9 +272,10 @@ def _day_of(time: float) -> int:
 
 
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
-    """Read numeric times of a side as times since 1970, in the unit that their size suggests.
+    """Read numeric times as times since 1970, in the unit that their size suggests.
 
-    Return the side and the unit. If no unit fits, the side is unchanged and the unit is blank.
+    `side` has the trajectories with these times: the truth or the estimate. Return it with the new
+    times, and the unit. If no unit fits, it is unchanged, and the unit is blank.
     """
     ends = [abs(float(side.times[k])) for k in (0, -1)]
     scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}

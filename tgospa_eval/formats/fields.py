@@ -1,4 +1,4 @@
-"""Fields of text: the rule for numbers, columns that store each text once, and times."""
+"""Fields of text files: which texts are numbers, columns that store each text once, and times."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -25,7 +25,7 @@ MISSING = frozenset(
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
-    """Parse a column to exact doubles; raise ValueError unless every text is a number."""
+    """Convert texts to the nearest doubles; raise ValueError unless every text is a number."""
     joined = "".join(texts)
     if "_" in joined or not joined.isascii():  # float() accepts 1_000 and digits of any script
         raise ValueError
@@ -37,8 +37,8 @@ def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
 
 
 def is_number(text: str, decimal: str = ".") -> bool:
-    """Return whether a text is a number with this decimal mark, or without a mark."""
-    if "_" in text or not text.isascii() or (decimal == "," and "." in text):  # as in `floats`
+    """Return whether a text is a number, with this decimal mark if it has one."""
+    if "_" in text or not text.isascii() or (decimal == "," and "." in text):  # see `floats`
         return False
     try:
         float(text.replace(decimal, "."))
@@ -56,7 +56,7 @@ class Coded(Sequence[str]):
     distinct : list of str
         Distinct texts in the order of first appearance.
     code : (R,) int array
-        Position in `distinct` of the text of each row.
+        Index in `distinct` of the text of each row.
     """
 
     distinct: list[str]
@@ -90,7 +90,7 @@ def joined_texts(first: Coded, second: Coded) -> Coded:
 
 
 def attribute_of(column: Coded, decimal: str = ".") -> Values:
-    """Convert a column to numbers, NaN where blank; keep the texts if some are not numbers."""
+    """Convert a column to numbers, NaN where blank; keep all texts if some are not numbers."""
     texts = [text.strip() for text in column.distinct]
     try:
         numbers = ["nan" if text in MISSING else text for text in texts]
@@ -103,7 +103,7 @@ def attribute_of(column: Coded, decimal: str = ".") -> Values:
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
-"""Bound below which every integer is a double."""
+"""Number below which every integer is a double."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -115,11 +115,11 @@ class Times:
     Parameters
     ----------
     value : (R,) int64 or float64 array
-        Numbers as given, or nanoseconds since 1970.
+        Time of each row: a number as given, or nanoseconds since 1970.
     clock : {"number", "local", "zoned"}
-        Kind of time.
+        Kind of the times: numbers, ISO times without a zone, or ISO times with a zone.
     text : list of str, optional
-        Texts of the times, unless they are numbers.
+        Texts of ISO times; None for numbers.
     """
 
     value: TimeArray
@@ -128,7 +128,7 @@ class Times:
 
 
 class Form(Protocol):
-    """Interface of `formats.clocks.TimeForm`: how times are written."""
+    """Interface of `formats.clocks.TimeForm`, the way in which times are written."""
 
     @property
     def format(self) -> str:
@@ -138,11 +138,11 @@ class Form(Protocol):
         """Read the times of a column by the format; return None if there is no format."""
 
     def zoned(self, times: Times) -> Times:
-        """Convert times without zone to UTC, if a zone is given."""
+        """Convert times without a zone to UTC, if the user gave their zone."""
 
 
 class RowError(ValueError):
-    """Error in row `row`; the message says what is wrong and what is right."""
+    """Error in row `row`; the message says what is wrong and how to correct it."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)
@@ -150,7 +150,7 @@ class RowError(ValueError):
 
 
 class TimeError(RowError):
-    """Error that a value is not a valid time."""
+    """Error about a value that is not a valid time."""
 
 
 def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
@@ -166,7 +166,8 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
     Raises
     ------
     TimeError
-        A row is blank, not a time, infinite, or of another kind than the first row.
+        A text is blank, not a time, infinite, of another kind than the first text, or an integer
+        that a double cannot represent.
     """
     joined = "".join(texts)
     if joined.isascii() and "_" not in joined:
@@ -190,16 +191,16 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
                 f"the integer {quoted(texts[row])} cannot be compared exactly with decimal or "
                 "larger times; write all times as 64-bit integers",
             )
-    return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
+    return Times(value=value + 0.0, clock="number", text=None)  # -0.0 + 0.0 is 0.0
 
 
 def coded_times(column: Coded, decimal: str) -> Times:
-    """Parse the times of a column, each distinct text once.
+    """Parse the times of a column; each distinct text is parsed once.
 
     Raises
     ------
     TimeError
-        An error of `parse_times`, about the first wrong row.
+        A time is wrong, see `parse_times`; the error is about the first wrong row.
     """
 
     def to_floats(texts: Sequence[str]) -> Floats:
@@ -208,7 +209,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     try:
         times = parse_times(column.distinct, to_floats)
     except TimeError:
-        return parse_times(list(column), to_floats)  # its error has the row and the number of rows
+        return parse_times(list(column), to_floats)  # this error names the row
     text = None if times.text is None else column
     return Times(value=times.value[column.code], clock=times.clock, text=text)
 
@@ -220,14 +221,16 @@ def read_times(
     second: Coded | None = None,
     digits: int = 0,
 ) -> Times:
-    """Read the times of a column, or of two columns that are one timestamp, by a form if given.
+    """Read times from one column, or from two columns that are parts of one time.
 
-    `digits` is the number of decimal places of a second that the second column has by its header.
+    `form` is the format and zone of the times, if the user gave them. `second` is the second
+    column. If its header says that it has fractions of a second, `digits` is the number of their
+    decimal places; otherwise it is 0.
 
     Raises
     ------
     TimeError
-        An error of `parse_times`, or a text does not fit the form.
+        A time is wrong, see `parse_times`, or a text does not fit the format.
     """
     if second is not None:
         column = joined_texts(column, second)
@@ -240,9 +243,10 @@ def read_times(
 
 
 def _of_fractions(column: Coded, digits: int) -> Times | None:
-    """Parse times of whole seconds, a blank and an integer fraction; return None for other texts.
+    """Parse times such as 12 500: whole seconds, a blank, and their fraction as an integer.
 
-    Numbers whose size suggests seconds since 1970 are times in UTC.
+    `digits` is the number of decimal places of the fraction, or 0 if it is not known. If the size
+    of the numbers suggests seconds since 1970, they are times in UTC. Return None for other texts.
 
     Raises
     ------
@@ -274,7 +278,9 @@ def _of_fractions(column: Coded, digits: int) -> Times | None:
 
 
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
-    """Return the rank of each time of each series among all times, exact for all numbers.
+    """Return, for each series of times, the ranks of its times among the times of all series.
+
+    Equal times have the same rank. Numbers are compared exactly.
 
     Parameters
     ----------
@@ -300,7 +306,7 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
 
 
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
-    """Parse ISO-8601 times, each distinct text once."""
+    """Parse ISO-8601 times; each distinct text is parsed once."""
     known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
     for fault in ("none", "far"):
         wrong = [row for row, text in enumerate(texts) if known[text][1] == fault]
@@ -328,7 +334,11 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
 
 
 def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int, str]:
-    """Parse one text to nanoseconds and its kind of clock."""
+    """Return a time in nanoseconds since 1970, and the kind of the text.
+
+    Kinds are ``local`` and ``zoned`` (see `Times`), ``number``, ``far`` for a time that does not
+    fit 64 bits, and ``none`` for other texts. Only the first two have a time; others have 0.
+    """
     try:
         to_floats([text])
     except ValueError:
@@ -358,7 +368,10 @@ DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(
 
 
 def _reading_of(text: str) -> str:
-    """Return a remedy with the formats that read an ambiguous date or a time of day, or a blank."""
+    """Return a remedy for a text that is a time of day, or a date such as 1/2/2020.
+
+    The remedy has the formats that would read the text. It is blank for other texts.
+    """
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
         return (
@@ -384,7 +397,7 @@ def _reading_of(text: str) -> str:
 
 
 BLANK = "leave it blank where the object is absent"
-"""Remedy for a number without a better one."""
+"""Remedy for a text that should be a number, if no better remedy is known."""
 
 
 def remedy_for(text: str) -> str:

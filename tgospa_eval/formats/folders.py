@@ -1,4 +1,7 @@
-"""Folders that are one side, with a file for each object (TUM, CSV) or each frame (YOLO)."""
+"""Readers of folders with a file for each object (TUM, CSV) or each frame (YOLO).
+
+All files of a folder together are the truth or the estimate. Each reader also reads a single file.
+"""
 
 import csv
 import io
@@ -21,12 +24,12 @@ YOLO_RULE = "a line has class, cx, cy, width, height, perhaps confidence, and id
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of TUM files, each with one trajectory and named after its id.
+    """Read TUM files as one table; each has one trajectory, whose id is the name of the file.
 
     Raises
     ------
     InputError
-        A line does not have the numbers of TUM.
+        A line does not have the eight numbers of TUM.
     """
     rows, places = [], []
     for stem, place, words in _lines(path, data, options):
@@ -38,7 +41,7 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
 
 
 def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of CSV files without ids, each with one object and named after its id.
+    """Read CSV files without ids as one table; each has one object, whose id is the file name.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
         check_text_memory(file, content, options.max_input)
         try:
             table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
-        except (ValueError, csv.Error) as error:  # errors of the parser of pandas
+        except (ValueError, csv.Error) as error:  # pandas raises both
             raise InputError(f"{file}: not a CSV table: {' '.join(str(error).split())}") from None
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
@@ -60,12 +63,16 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
 
 
 def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of YOLO boxes in units of the image size, with a numbered file for each frame.
+    """Read YOLO files as one table.
+
+    Each file has the boxes of one frame, and its name ends in the number of the frame. Boxes are in
+    units of the size of the image.
 
     Raises
     ------
     InputError
-        A line is not YOLO, has no id, or the names of the files are not frames of one video.
+        A line is not of YOLO or has no id, or names of files do not end in the number of a frame,
+        or they are of several videos.
     """
     rows, places, names = [], [], set()
     for stem, place, words in _lines(path, data, options):
@@ -86,7 +93,10 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _lines(path: str, data: bytes, options: ReadOptions) -> list[tuple[str, str, list[str]]]:
-    """Return the name of the file, the place and the words of each line with content."""
+    """Return, for each line with content, the name of its file, its place, and its words.
+
+    The name has no ending. The place is the file and line, for messages. Comments are skipped.
+    """
     is_folder = os.path.isdir(path)
     lines = []
     for file in files_of_folder(path) if is_folder else [path]:

@@ -1,6 +1,7 @@
-"""pandas DataFrames in the long form of the CSV files.
+"""Readers of pandas DataFrames in long form: one row for each object and time, as in CSV files.
 
-Tables of text may also have separate columns for each object, as ``t,x1,y1,x2,y2`` and DeepLabCut.
+Tables of text may also be wide: each object has columns of its own, as in ``t,x1,y1,x2,y2`` and in
+files of DeepLabCut.
 """
 
 import csv
@@ -60,10 +61,10 @@ ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime
 
 NUMBER_TYPES = (str, Real, Decimal)
 TIME_TYPES = (*NUMBER_TYPES, datetime.date)
-"""Types of values whose texts are parsed as numbers and times."""
+"""Types of values that can be times. `NUMBER_TYPES` are the types of values that can be numbers."""
 
 UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
-"""Errors of pandas about a timestamp that has no text."""
+"""Errors of pandas about a timestamp that it cannot write as text."""
 
 
 def from_frame(
@@ -74,7 +75,7 @@ def from_frame(
     Raises
     ------
     InputError
-        An error of `formats.read`, in which rows count from 0.
+        The content is wrong (see `formats.read`). In messages, rows count from 0.
     """
     options = replace(options or ReadOptions(), option="")
     headers = [str(column) for column in frame.columns]
@@ -84,7 +85,7 @@ def from_frame(
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise
-        find_roles([*levels, *headers], options, name)  # its error names all missing columns
+        find_roles([*levels, *headers], options, name)  # an error here names all missing columns
         indexed = ", ".join(map(quoted, levels))
         raise InputError(
             f"{name}: {indexed} must be a column but is in the index; call reset_index() first"
@@ -131,7 +132,7 @@ def frame_rows(
         except InputError as error:
             if column != roles.weight:
                 raise
-            states[:, k], weight_fault = np.nan, str(error)  # the column may not be a weight
+            states[:, k], weight_fault = np.nan, str(error)  # raised only if needed
     with _placed(frame.iloc[:, roles.time], where):
         times = _formed_times(frame, roles, name, decimal)
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
@@ -157,14 +158,16 @@ def frame_rows(
 
 
 def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
-    """Convert a table to rows; texts in its index are the places of the rows in messages.
+    """Convert the table of a reader to rows.
+
+    If the index of the table has texts, these are the places of the rows, for messages.
 
     Raises
     ------
     TypeError
         The table is not a DataFrame.
     InputError
-        An error of `from_frame`.
+        The content is wrong (see `formats.read`).
     """
     if not isinstance(table, pd.DataFrame):
         raise TypeError(f"it returned {type(table).__name__}, not a DataFrame")
@@ -178,9 +181,10 @@ def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
 
 
 def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
-    """Reshape a table whose columns are mapped by pattern to one row per object and time.
+    """Reshape a wide table to one row for each object and time.
 
-    The index has the place of each row for messages. If no header fits, the table is unchanged.
+    `mapped` has patterns of headers by name. The index of the new table has the place of each row,
+    for messages. If no header fits the patterns, the table is unchanged.
     """
     names = [str(name).strip() for name in frame.columns]
     objects = objects_in(names, mapped)
@@ -199,7 +203,7 @@ def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
 
 @contextmanager
 def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
-    """Add the row and column to errors about a value, or about a timestamp out of range."""
+    """Add row and column to errors about a value, such as a timestamp out of range."""
     try:
         yield
     except RowError as error:
@@ -241,7 +245,7 @@ def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
 
 
 def _number_text(decimal: str, value: object) -> str:
-    """Format a number, a text or a date as in a text file."""
+    """Format a number, a text or a date as it would be in a text file."""
     if isinstance(value, datetime.date):
         return value.isoformat()
     if isinstance(value, (str, bool, int, np.integer)):
@@ -250,15 +254,20 @@ def _number_text(decimal: str, value: object) -> str:
 
 
 def _other(value: object, wanted: str) -> str:
-    """Return the message about a value of another type."""
+    """Return the message about a value of a type that is not supported."""
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
 def _texts(
     column: pd.Series, wanted: str, types: tuple[type, ...], text: Callable[[object], str]
 ) -> Coded:
-    """Convert a column of values of these types to texts, blank where a value is missing."""
-    # Factorizing objects needs hashable values, and does not tell 1 from True.
+    """Convert a column to texts, blank where a value is missing.
+
+    `types` are the supported types of values. `text` converts a value to text, and `wanted` says in
+    messages what a value must be.
+    """
+    # Each distinct value is converted once, except for objects other than texts. These may not be
+    # hashable, and 1 and True would be the same value.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
         code, values = np.arange(len(column)), column.tolist()
     else:
@@ -270,14 +279,14 @@ def _texts(
         if not (missing[k] or isinstance(value, types)):
             raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
         names.append("" if missing[k] else text(value))
-    if (code < 0).any():  # code -1 is missing; the blank text is added only if a row has it
+    if (code < 0).any():  # -1 means a missing value
         return Coded([*names, ""], np.where(code < 0, len(names), code))
     return Coded(names, code)
 
 
 def _name(value: object) -> str:
     """Return the text of an id or a class; 7.0 becomes 7, as pandas may make integers floats."""
-    if isinstance(value, Decimal):  # up to 76 digits: a remainder would not fit the context
+    if isinstance(value, Decimal):  # up to 76 digits, for which value % 1 fails
         whole = value.is_finite() and value == value.to_integral_value()
     else:
         whole = isinstance(value, (float, np.floating)) and value.is_integer()
@@ -301,7 +310,7 @@ def id_text(value: object, name: str) -> str:
 
 
 def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
-    """Return the times of a table, from one column or two, by the given form."""
+    """Return the times of a table, from one or two columns, by the format that the user gave."""
     column = frame.iloc[:, roles.time]
     if roles.second is None and (roles.options.form is None or not roles.options.form.format):
         times = _times(column, name, decimal)
@@ -321,7 +330,7 @@ def _as_texts(column: pd.Series, decimal: str) -> Coded:
 def frame_times(
     column: pd.Series, name: str, decimal: str = ".", where: Callable[[int], str] | None = None
 ) -> Times:
-    """Read a column of times; `name` and `where` are those of `frame_rows`.
+    """Read a column of times; for `name`, `decimal` and `where` see `frame_rows`.
 
     Raises
     ------
@@ -360,11 +369,11 @@ def _times(column: pd.Series, name: str, decimal: str) -> Times:
 
 
 LEVELS = ("scorer", "individuals", "bodyparts", "coords")
-"""First fields of the header lines of DeepLabCut."""
+"""First field of each line of the header of DeepLabCut."""
 
 
 def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of a CSV file whose columns are named by pattern.
+    """Read a wide table from a CSV file; its columns are named by pattern.
 
     Raises
     ------
@@ -379,7 +388,7 @@ def read_wide(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 def read_deeplabcut(
     path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
 ) -> pd.DataFrame:
-    """Read the table of a CSV file of DeepLabCut; its columns are named like ``mouse.nose.x``.
+    """Read the table of a CSV file of DeepLabCut; columns get names like ``mouse.nose.x``.
 
     Raises
     ------
@@ -418,7 +427,10 @@ def _text(path: str, data: bytes, options: ReadOptions) -> str:
 
 
 def _table(path: str, rows: Iterable[list[str]], first: int, names: Sequence[str]) -> pd.DataFrame:
-    """Return rows as a table with their lines as the index; the first row is on line `first`."""
+    """Return rows as a table whose index has the line of each row, for messages.
+
+    The first row is on line `first`. Blank lines and comments are skipped.
+    """
     kept, places = [], []
     for line, row in enumerate(rows, start=first):
         if len(row) == len(names):

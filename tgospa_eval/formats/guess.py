@@ -1,4 +1,4 @@
-"""Format of a file, from its name and its first bytes or lines."""
+"""Guess of the format of a file, from its name and its first bytes or lines."""
 
 import math
 import os
@@ -23,7 +23,7 @@ FORMAT_OF_SUFFIX = {
     ".npy": "npy",
     ".mat": "mat",
 }
-"""Format by the end of a name; the first bytes of `MAGIC` have priority."""
+"""Format by the end of a name, for a file that does not begin with bytes of `MAGIC`."""
 
 MAGIC = {
     b"PAR1": "parquet",
@@ -34,33 +34,33 @@ MAGIC = {
     b"MATLAB 5.0 MAT-file": "mat",
     b"MATLAB 7.3 MAT-file": "mat",
 }
-"""Format by the first bytes."""
+"""Format by the first bytes of a file."""
 
 GUESSED_FROM = 1 << 12
 
 VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
-"""Classes of objects; class 0 means ignored regions."""
+"""Classes of objects in VisDrone; class 0 means ignored regions."""
 
 SAMPLES = "sample.json"
 """Table of nuScenes with the times."""
 TABLES_READ = ("category.json", "instance.json", SAMPLES, "sample_annotation.json", "scene.json")
 """All tables of nuScenes that are read."""
 RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
-"""Pattern of the beginning of results of nuScenes, which may have a short part before."""
+"""Pattern of the beginning of a file of results of nuScenes; other keys may be before results."""
 
 ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
-"""Columns of Feather files of Argoverse 2."""
+"""Columns by which Feather files of Argoverse 2 are recognised."""
 SCHEMA_BYTES = 1 << 14
-"""Number of first bytes of a file in which names of columns or parts are looked for."""
+"""Number of first bytes in which names of columns (Feather) or of parts (Excel) are looked for."""
 
 BEGINNINGS = {
     "json": r'\{\s*["}]|\[\s*[{\]]',
     "deeplabcut": r"scorer,.*\s+(individuals,.*\s+)?bodyparts,.*\s+coords,",
 }
-"""Patterns of the beginnings of text files of these formats, with any name."""
+"""Pattern of the beginning of a text file by its format; the name of the file does not matter."""
 
 VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
-"""Pattern of a file of MATLAB with one of its variables, or with an element of a cell."""
+"""Pattern of a path with the name of a variable in a MAT file, or of an element of a cell."""
 
 
 def file_of(path: str) -> str:
@@ -75,7 +75,11 @@ def is_table_folder(path: str) -> bool:
 
 
 def files_at(path: str) -> list[str]:
-    """Return the files of a path: the files of a folder that is one side, or the file itself."""
+    """Return the files that are read for a path.
+
+    These are the files of a folder that is read as a whole (see `folder_format`), or the file
+    itself.
+    """
     if not is_table_folder(path):
         return files_of_folder(path) if folder_format(path) else [path]
     return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
@@ -84,10 +88,10 @@ def files_at(path: str) -> list[str]:
 def guess(path: str, data: bytes) -> str:
     """Guess the format, a key of `formats.FORMATS`; the default is a CSV table.
 
-    A format of another package is guessed from the end of the name: run.trk is read as trk.
-    A MOTChallenge line has 6 to 10 numbers, and there is no header. A VisDrone line has 10 numbers,
-    and the last three are classes and grades of visibility in all lines. A KITTI line has 17 fields
-    separated by blanks, or 18 with a score, and the third field is the type.
+    If another package adds a format, it is guessed from the end of the name: run.trk is read as
+    trk. A MOTChallenge line has 6 to 10 numbers, and there is no header. A VisDrone line has 10
+    numbers; in all lines, the last three are class, truncation and occlusion. A KITTI line has 17
+    fields separated by blanks, or 18 with a score; the third field is the type.
     """
     suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     ending = suffix[0] if suffix else ""
@@ -114,7 +118,7 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
     """Guess the format of a table from its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
-    # A file that begins with only comments is a table, or empty.
+    # If all first lines are comments, the file is a table or empty.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
@@ -136,10 +140,12 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 
 
 def folder_format(path: str) -> str:
-    """Return the format of a folder that is read as one side; blank for any other path.
+    """Return the format of a folder that is the truth or the estimate as a whole.
 
-    A file of TUM has eight numbers in each line. A file of TUM or a CSV file without ids has one
-    trajectory. A file of YOLO has the boxes of one frame.
+    Such a folder has the tables of nuScenes, or files of TUM, CSV files without ids, or files of
+    YOLO. A file of TUM has eight numbers in each line. A file of TUM or a CSV file without ids has
+    one trajectory. A file of YOLO has the boxes of one frame. The result is blank for any other
+    path.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
@@ -160,7 +166,7 @@ def folder_format(path: str) -> str:
 
 
 FILES_TRIED, LINES_TRIED = 100, 20
-"""Number of files, and of lines of each, from which the format of a folder is guessed."""
+"""Numbers of files, and of lines in each, from which the format of a folder is guessed."""
 
 
 def files_of_folder(path: str) -> list[str]:
@@ -176,12 +182,12 @@ def files_of_folder(path: str) -> list[str]:
 PER_OBJECT = "csv-per-object"
 TABLES = (".csv", ".tsv")
 TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.txt")
-"""Ends of the names of text files in folders that are one side, and names of files to skip."""
+"""Ends of the names of the files that are read in a folder, and names of the files to skip."""
 
 
 def _is_of_one_object(path: str) -> bool:
-    """Return whether a table has a header with times and positions, and without possible ids."""
-    from tgospa_eval.formats.headers import HINTS, Headers  # lazy: for folders only
+    """Return whether the header of a table has times and positions, and nothing like an id."""
+    from tgospa_eval.formats.headers import HINTS, Headers  # lazy: only folders need it
 
     lines = (line for line in _beginning(path).splitlines() if line.strip())
     fields = re.split(r"[,;\t]", next(lines, ""))
@@ -210,7 +216,10 @@ def is_tum(line: str) -> bool:
 
 
 def is_yolo(line: str) -> bool:
-    """Return whether a line is a class, a box relative to the image, and perhaps score and id."""
+    """Return whether a line is of YOLO: a class, a box, and perhaps a score and an id.
+
+    The box is in units of the size of the image, from 0 to 1.
+    """
     words = line.split()
     if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
         return False
@@ -219,7 +228,7 @@ def is_yolo(line: str) -> bool:
 
 
 def split(line: str) -> list[str]:
-    """Split a line of MOTChallenge text at commas, or at blanks; a last comma is ignored."""
+    """Split a line at its commas, or at blanks if it has no comma; a last comma is ignored."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
 
@@ -229,7 +238,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:
-    """Return whether all lines have ten columns that end with class, truncation and occlusion."""
+    """Return whether all lines have ten fields, the last being class, truncation and occlusion."""
     return all(
         len(fields) == 10
         and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
@@ -239,13 +248,16 @@ def _is_visdrone(lines: Iterable[str]) -> bool:
 
 
 MIN_BOX = 2.0
-"""Least width and height of a box in pixels; smaller numbers are speeds, or sizes in metres."""
+"""Smallest width and height of a box in pixels.
+
+Smaller numbers are taken for speeds, or for sizes in metres."""
 
 
 def _is_motchallenge(lines: Iterable[str]) -> bool:
-    """Return whether most lines have integer frames and ids, a box in pixels, flags and classes.
+    """Return whether lines are of MOTChallenge.
 
-    The reader reports the mistakes of single lines.
+    More than half of them must have integers as frame and id, more than half a box in pixels, and
+    more than half a flag and a class. Mistakes in single lines are reported by the reader.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
@@ -268,9 +280,10 @@ COMMENTS = ("#", "%", "//")
 
 
 def foreign(line: str) -> str:
-    """Describe a first line that is not understood as a header, with a remedy; blank if unknown.
+    """Return what a first line seems to be instead of a header, with a remedy; blank if unknown.
 
-    A table whose header is understood may begin with the same marks.
+    This is only for a line that is not understood as a header, as a header can begin with the same
+    marks.
     """
     line = line.strip()
     if line.startswith(COMMENTS):

@@ -1,6 +1,6 @@
 """Headers of a table: search for columns, and suggestions for missing columns.
 
-If each object has separate columns, these are named by pattern, ``x=x{id},y=y{id}``.
+If each object has columns of its own, the user names them by a pattern, ``x=x{id},y=y{id}``.
 """
 
 import re
@@ -12,13 +12,17 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.quoting import COMMAND, listed, option, quoted, surface
 
 ID_MARK = "{id}"
-"""Mark that means the id of an object in patterns of headers."""
+"""Part of a pattern that stands for the id of an object."""
 
 PAIRED_NAMES = (("x", "y"), ("X", "Y"))
 
 
 def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dict[str, int]]:
-    """Return the position of each column, by id and name, of objects with all named columns."""
+    """Return, for each object id, the positions of its columns by name.
+
+    `mapped` has the patterns of the headers by name. An object that lacks the column of a pattern
+    is left out.
+    """
     patterns = {name: header for name, header in mapped.items() if ID_MARK in header}
     objects: dict[str, dict[str, int]] = {}
     for name, pattern in patterns.items():
@@ -31,14 +35,21 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 
 
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """Return the positions of the columns that belong to no object and have a free name."""
+    """Return the positions of the columns that are shared by all objects.
+
+    These are the columns that belong to no object. A column is left out if its header is ``id`` or
+    the name of a column of the objects.
+    """
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
     return [k for k, name in enumerate(names) if k not in used and name not in taken]
 
 
 def pattern_in(names: Sequence[str]) -> list[str]:
-    """Suggest patterns if these headers may be x and y of several objects; else an empty list."""
+    """Return patterns for x and y, if these headers seem to be x and y of several objects.
+
+    Otherwise return an empty list.
+    """
     for one, two in PAIRED_NAMES:
         first = [name for name in names if one in name and name.replace(one, two) in names]
         before = _common(first)
@@ -62,10 +73,10 @@ WEIGHT = "weight"
 """Header of the weights of particles."""
 
 NO_STATES = ("id", "t", "class", WEIGHT)
-"""Columns that are not part of the state, also if the user names them."""
+"""Columns that are never part of the state, even if the user names them."""
 
 PREFIXES = ("cov_", "std_", "rho_")
-"""Prefixes of entries of covariances."""
+"""Beginnings of the names of entries of covariances."""
 
 SPREAD = re.compile(
     r"(cov|var|std|sigma|rho)_\w+|p_\w+_\w+|p_?(\d_?\d|(?P<axis>[a-z])_?(?P=axis))", re.IGNORECASE
@@ -77,27 +88,30 @@ CORNERS = ("left", "top", "right", "bottom")
 EDGES = (*BOX, "right", "bottom")
 
 SKIPPED = ("-", "_")
-"""Names of columns that are not used."""
+"""Names that the user gives to columns to skip, if the table has no header."""
 
 
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """Return the columns of each file, and the mapped names whose headers may be missing.
+    """Return, for each file, its columns and the names that are mapped for all files.
+
+    One file is allowed to lack the headers to which these names are mapped. A name that the file
+    maps itself is not among them.
 
     Parameters
     ----------
     shared : sequence of str, optional
-        Items for all files.
+        Items ``name`` or ``name=header`` for all files.
     own : sequences of str, optional
-        Items for each file, which have priority.
+        Items for each file; they have priority over `shared`.
     alike : bool
-        Whether states that are named for one file are the states of all files.
+        Whether state names that are given for one file are also used for the other files.
     """
     maps, wanted = parse_columns(shared)
     parsed = [parse_columns(items) for items in own]
-    # Names for a side hold only for that side if they include t, as for a table without a header,
-    # or if not `alike`.
+    # State names given for one file are used for the other file, too. Exceptions: `alike` is false,
+    # or the names include t (then they list all columns of a table without a header).
     placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(parsed, placed, strict=True)
     named = wanted or next((states for (_, states), fixed in each if states and not fixed), ())
@@ -105,7 +119,7 @@ def columns_of_each(
     for mapped, states in parsed:
         chosen = named if named and set(states) <= set(named) else states
         headers = maps | mapped
-        # Names of states in order, after all other names.
+        # The names of the states come last, in their order.
         names = [*(name for name in headers if name not in chosen), *chosen]
         items = tuple(f"{name}={headers[name]}" if name in headers else name for name in names)
         answer.append((items or None, tuple(name for name in maps if name not in mapped)))
@@ -146,10 +160,11 @@ def has_patterns(options: ReadOptions) -> bool:
 def ask(name: str, items: Sequence[str]) -> str:
     """Return the option or argument that names these columns, ready to be pasted.
 
-    `name` is the name of the option; blank for a DataFrame.
+    `items` are like those of the option, ``name=header``. `name` is the name of the option. It is
+    blank for a DataFrame: then the result is a call of ``rename``.
     """
     if name:
-        from shlex import quote  # lazy: for messages only
+        from shlex import quote  # lazy: needed only for messages
 
         value = ",".join(items)
         return option(name, quote(value) if surface.get() == COMMAND else value)
@@ -162,24 +177,28 @@ def ask(name: str, items: Sequence[str]) -> str:
 
 
 Mix = tuple[tuple[int, float], ...]
-"""Quantity as a sum of columns times factors: the centre of a box is left + 0.5 width."""
+"""Quantity as a sum of columns times factors, in pairs (position of the column, factor).
+
+For example, the x of the centre of a box is left + 0.5 width."""
 
 FIRST_ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
     "weight": ("weight", "w"),
 }
-"""Aliases with priority over all other aliases, in order; case does not matter."""
+"""Aliases that are tried before all other aliases, in this order; case does not matter."""
 
 COORDINATE = (
     "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
     "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c "
     "pose_position_{0} pose_pose_position_{0}"
 )
-"""Template of the aliases of each coordinate."""
+"""Template of the aliases of a coordinate; {0} is its name."""
 
 EDGE = "{0}{1} bb_{0}{1} bbox_{0}{1} box_{0}{1}"
-"""Template of the aliases of the edges of boxes by two corners."""
+"""Template of the aliases of the edges of a box that is given by two corners.
+
+{0} is the axis, and {1} is the number of the corner."""
 
 HEADER_ALIASES = {
     name: tuple(aliases.split())
@@ -228,7 +247,7 @@ FRACTIONS = {
     **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
     **dict.fromkeys(("ms", "msec", "msecs", "millisec", "millisecs", "milliseconds"), 3),
 }
-"""Decimal places by the last word of a header, for columns with the fractions of seconds."""
+"""Last words of the headers of fractions of a second, and the decimal places of the fractions."""
 
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
 UNITS = {
@@ -237,16 +256,16 @@ UNITS = {
     **dict.fromkeys(("lat", "lon"), DEGREES),
     "alt": ("m", "meter", "meters", "metre", "metres"),
 }
-"""Units that may follow the name in a header; lat_rad is not a latitude in degrees."""
+"""Units that may follow the name in a header. So lat_rad is not read: it is not in degrees."""
 
 HINTS = {
     "id": "id$|mmsi|track|trk|obj|target|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
-"""Patterns of headers to suggest for a column, if no header is its name or an alias."""
+"""Patterns of headers to suggest for a column that no header names, not even by an alias."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
-"""Parts in which the two headers of a position may differ."""
+"""Pairs of texts in which the two headers of a position may differ, as pos_x and pos_y do."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
@@ -260,7 +279,7 @@ GROUP = re.compile(
     r"episode|run|trial|experiment|mission|game|play|match)(_?(id|no|name|key|token))?",
     re.IGNORECASE,
 )
-"""Pattern of headers of groups, in each of which ids may be numbered from the beginning."""
+"""Pattern of headers of groups of rows, such as recordings. Ids may restart in each group."""
 
 
 class Headers:
@@ -273,7 +292,7 @@ class Headers:
     mapped : dict of str to str
         Headers that the user has mapped, by the name of the column.
     option : str
-        Option with which the user names columns, see `formats.headers.ask`.
+        Option with which the user names columns, for messages; blank for a DataFrame.
     where : str
         Beginning of messages.
     hidden : sequence of str
@@ -303,14 +322,21 @@ class Headers:
                 self.keyed.setdefault(key, []).append((k, unit))
 
     def spelt(self, header: str, name: str) -> int | None:
-        """Return the position of a header, in upper or lower case; `name` is for messages."""
+        """Return the position of a header, or None if it is missing.
+
+        If no header is exactly equal, upper and lower case do not matter. `name` is the name of the
+        column, for messages.
+        """
         if header in self.exact:
             return self.exact[header]
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
     def find(self, name: str, *, plainly: bool = False) -> int | None:
-        """Find the position of a column: as mapped, by its name or, unless `plainly`, by an alias.
+        """Find the position of a column, or return None.
+
+        A column that the user has mapped is found by its header only. Otherwise its name is tried,
+        and then its aliases; with `plainly`, aliases are not tried.
 
         Raises
         ------
@@ -327,7 +353,10 @@ class Headers:
         return None if plainly else self._only(self.places(name), name)
 
     def compared(self, name: str, keyword: str) -> int:
-        """Return the position of a column that a filter compares; it may also be an id or a state.
+        """Return the position of a column that a filter compares.
+
+        `name` is a header, or a name of a role such as ``id`` or ``x``. `keyword` is the option of
+        the filter.
 
         Raises
         ------
@@ -346,7 +375,7 @@ class Headers:
 
     @property
     def way_of_one_side(self) -> str:
-        """Remedy for a column that only one file has, for messages."""
+        """Remedy for a filter by a column that only one file has, for messages."""
         first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
         ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
         return f"{ways} is for a column of one file, 'score >= 0.5'"
@@ -358,7 +387,10 @@ class Headers:
         return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
-        """Yield a notice if unused headers may also be a column that was found by an alias."""
+        """Yield a notice if the column `name` was found by an alias and other headers would fit.
+
+        `unused` has the headers of the columns that are not used; only these are named.
+        """
         if name in self.mapped or self.spelt(name, name) is not None:
             return
         position = self.find(name)
@@ -374,7 +406,7 @@ class Headers:
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
-        """Return the positions of all headers that may be a column, the usual alias first."""
+        """Return the positions of headers that are aliases of a column, the usual alias first."""
         units = UNITS.get(name, ())
         places = (
             k
@@ -399,10 +431,11 @@ class Headers:
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Guess the headers of missing columns by their words.
+        """Guess by their words which headers are the missing columns; return a header by name.
 
-        `wanted` has the names of these columns; ``position`` means any two columns of the state.
-        `used` has the positions of headers with another role.
+        `wanted` has the names of the missing columns. The name ``position`` stands for two
+        coordinates, whatever they are called. `used` has the positions of headers with another
+        role.
         """
         free = [
             name
@@ -426,7 +459,10 @@ class Headers:
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the headers of seconds and fractions of one time, such as secs and nsecs."""
+    """Return the two headers of a time that is split into seconds and their fraction.
+
+    An example is secs and nsecs. Return None if there are no such headers.
+    """
     words = {name: words_of(name) for name in names}
     whole = {tuple(parts[:-1]): name for name, parts in words.items() if parts[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
@@ -458,7 +494,11 @@ def _aliases(name: str) -> tuple[str, ...]:
 
 
 def _keys(header: str) -> Iterator[tuple[str, str]]:
-    """Yield a header as one word; if its last word may be a unit, also the rest and the unit."""
+    """Yield the ways to read a header, as pairs of a name in one word and a unit.
+
+    The first has all words in the name, and a blank unit. In the second, the last word or the text
+    in brackets is the unit.
+    """
     header = header.removeprefix("field.")  # rostopic echo -p writes this prefix
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
@@ -472,14 +512,15 @@ DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 
 
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
-    """Remove mappings to missing headers that another file may have; return a message for each.
+    """Remove mappings to missing headers that another file may have; return a message by name.
 
-    The message is raised if all files lack the header.
+    Such a name was mapped for all files (`ReadOptions.shared`), or it is an entry of covariances
+    and the file has no covariances. The message is raised later if all files lack the header.
 
     Raises
     ------
     InputError
-        A header is missing that this file must have.
+        Another mapped header is missing: this file must have it.
     """
     missing = {}
     spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
@@ -487,7 +528,7 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     lost = {n: header for n, header in headers.mapped.items() if headers.spelt(header, n) is None}
     if not lost:
         return {}
-    from difflib import get_close_matches  # lazy: for mistakes only
+    from difflib import get_close_matches  # lazy: needed only for a message
 
     near = {
         name: next(iter(get_close_matches(header, headers.names, n=1)), "HEADER")
@@ -520,7 +561,11 @@ def absent(
     needed: tuple[int | None, int | None],
     states: dict[str, Mix | None],
 ) -> str:
-    """Return the message about missing columns, with options that map them."""
+    """Return the message about missing columns, with options that map them.
+
+    `needed` has the positions of id and t, and `states` has the state columns by name. None means
+    that the column is missing.
+    """
     missing = [name for name, place in zip(("id", "t"), needed, strict=True) if place is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"

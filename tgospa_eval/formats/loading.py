@@ -22,14 +22,19 @@ from tgospa_eval.quoting import option
 
 GIGABYTE = 1e9
 DEFAULT_GIGABYTES = 4.0
-"""Memory in GB that reading a much smaller file may take: some 20 million rows of four columns."""
+"""Default limit in GB of the memory for a file that is much smaller than its content.
+
+It is enough for some 20 million rows of four columns."""
 
 UNPACKED = 300
-"""Ratio of memory to file size above which the default limit holds; recordings have 5 to 100."""
+"""Ratio of needed memory to file size above which `DEFAULT_GIGABYTES` is the default limit.
+
+Recordings have ratios from 5 to 100."""
 
 TABLE, TEXT = 6, 3
-"""Memory in bytes for each byte of a table of doubles, and of a text. Measured at 10 million rows:
-4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
+"""Memory in bytes that reading takes for each byte of a table of doubles, and of a text.
+
+Measured with 10 million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
 
 def more_memory() -> str:
@@ -38,7 +43,10 @@ def more_memory() -> str:
 
 
 MODEST = 1e8
-"""Memory in bytes that any machine has; asking for it takes longer than reading a small file."""
+"""Memory in bytes that every machine is assumed to have.
+
+If reading needs no more, the available memory is not looked up. That would take longer than reading
+a small file."""
 
 
 def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
@@ -53,8 +61,8 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
     file : int
         Size of the file in bytes.
     limit : float, optional
-        Allowed memory in GB, 0 for any; by default the available memory, and at most
-        `DEFAULT_GIGABYTES` if reading takes more than `UNPACKED` times the size of the file.
+        Allowed memory in GB; 0 means no limit. The default is the available memory. If reading
+        takes more than `UNPACKED` times the size of the file, it is at most `DEFAULT_GIGABYTES`.
     what : str
         Content of the file, for the message.
 
@@ -90,13 +98,17 @@ def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
 
 
 def max_bytes(limit: float | None, path: str) -> int:
-    """Return the largest allowed size of a file; available memory matters only for large files."""
+    """Return the largest allowed size of a file in bytes.
+
+    `limit` is the size in GB; 0 means no limit. The default is the available memory, but not less
+    than `DEFAULT_GIGABYTES`. For a small file the available memory is not looked up.
+    """
     if limit == 0:
         return sys.maxsize - 1
     if limit is not None:
         return int(limit * GIGABYTE)
     allowed = int(DEFAULT_GIGABYTES * GIGABYTE)
-    with suppress(OSError, ValueError):  # reading the file reports it
+    with suppress(OSError, ValueError):  # reported when the file is read
         status = os.stat(path)
         if stat.S_ISREG(status.st_mode) and status.st_size <= MODEST:
             return allowed
@@ -104,7 +116,7 @@ def max_bytes(limit: float | None, path: str) -> int:
 
 
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
-"""Module for zstd in the standard library, or its backport."""
+"""Module for zstd: that of the standard library, or its backport for older versions of Python."""
 
 GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 """First bytes of compressed files that are unpacked here."""
@@ -112,7 +124,7 @@ GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 PACKED_SUFFIXES = (".gz", ".gzip", ".zst", ".zstd")
 
 PACKED_FROM = 8
-"""Number of first bytes that show how a file is compressed."""
+"""Number of first bytes that are read to see how a file is compressed."""
 
 
 def is_packed(data: bytes) -> bool:
@@ -121,7 +133,7 @@ def is_packed(data: bytes) -> bool:
 
 
 def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
-    """Return the content of a file, unpacked if it is compressed, up to a size.
+    """Return the content of a file, unpacked if it is compressed.
 
     Parameters
     ----------
@@ -133,7 +145,7 @@ def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
     Raises
     ------
     InputError
-        The file is damaged, or its content is larger.
+        The file is damaged, or its content is larger than `max_size`.
     ConfigError
         The package that unpacks the file is missing.
     """
@@ -218,12 +230,12 @@ def plain_name(path: str) -> str:
 
 
 def load(path: str, max_size: int = SETTINGS) -> bytes:
-    """Read the bytes of a file, up to a size.
+    """Read the bytes of a file, at most `max_size`.
 
     Raises
     ------
     InputError
-        The file cannot be read.
+        The file cannot be read, or is larger.
     """
     with named(path, InputError):
         try:
@@ -246,7 +258,10 @@ def load(path: str, max_size: int = SETTINGS) -> bytes:
 
 
 def _is_endless(path: str) -> bool:
-    """Return whether a path is an endless device such as /dev/zero; a terminal can be ended."""
+    """Return whether a path is a device that may never end, such as /dev/zero.
+
+    A terminal is not one, as the user can end the input.
+    """
     if path == STDIN:
         return False
     mode = os.stat(path).st_mode
@@ -259,7 +274,10 @@ def _is_endless(path: str) -> bool:
 
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
-    """Return the unpacked bytes of a file, up to the size of a text that `max_input` GB allow."""
+    """Return the bytes of a file, unpacked if it is compressed.
+
+    A compressed file may unpack at most to the size of a text that can be read with `max_input` GB.
+    """
     data = load(path, max_bytes(max_input, path))
     if not is_packed(data):
         return data
@@ -267,7 +285,7 @@ def unpacked_file(path: str, max_input: float | None) -> bytes:
 
 
 def max_memory(file: int, limit: float | None) -> float:
-    """Return the memory in bytes that reading a file may take; `limit` is as in `check_memory`."""
+    """Return the memory in bytes that reading a file may take; for `limit` see `check_memory`."""
     if limit is not None:
         return limit * GIGABYTE or sys.maxsize / 2
     allowed = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)

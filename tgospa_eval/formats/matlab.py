@@ -1,12 +1,16 @@
 """Sets of trajectories in MAT files, in the form of the published MATLAB code and in other forms.
 
-The published code has a structure for n trajectories, T steps and d components. ``tVec`` (n,) is
-the first step of each trajectory, counted from 1. ``iVec`` (n,) is its length. ``xState`` (d, T, n)
-has the states by step. Only states within a trajectory count, and NaN there means that the target
-is absent. A set may also be arrays of `formats.arrays`, in a structure or as variables. Or it may
-be cells with an element for each step k, as in toolboxes of random finite sets: ``X{k}`` (d, n_k)
-has the states and ``L{k}`` (l, n_k) the labels of n_k objects. A cell or a structure array may have
-one set in each element: the runs of a Monte Carlo study.
+The published code has a structure for n trajectories, T steps and d components:
+
+- ``tVec`` (n,) is the first step of each trajectory, counted from 1.
+- ``iVec`` (n,) is its length in steps.
+- ``xState`` (d, T, n) has the states by step. Only states within a trajectory count. NaN there
+  means that the target is absent.
+
+A set may also be arrays as in `formats.arrays`, in a structure or as variables. In toolboxes of
+random finite sets it is two cells with an element for each step k: ``X{k}`` (d, n_k) has the states
+of n_k objects, and ``L{k}`` (l, n_k) has their labels. A cell or a structure array may have a whole
+set in each element: the runs of a Monte Carlo study.
 """
 
 import io
@@ -49,22 +53,23 @@ Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
 """Fields of a structure, elements of a cell, or real numbers; None for anything else."""
 
 Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
-"""Variables of a file by name: sizes of an array, and a callable that reads the value."""
+"""Variables of a file by name: sizes of an array (else empty), and a callable to read the value."""
 
 Room = Callable[[int, str], None]
-"""Callable that receives a number of bytes and a description, and raises if memory is short."""
+"""Callable that receives a size in bytes and words for a message; it raises if memory is short."""
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process. SciPy also unpacks
-# as much as a file claims, so compressed data are unpacked here, as far as memory allows.
+# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process, so a helper process
+# reads all files. SciPy also unpacks as much as a file claims to contain, so compressed data are
+# unpacked here, as far as memory allows.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
 """First bytes of a file of version 5."""
 
 TEXT_HEADER = 128
 DEFLATED = 15
-"""Type of a compressed element."""
+"""Number of the type of a compressed element."""
 
 NUMERIC = (
     "single",
@@ -72,10 +77,10 @@ NUMERIC = (
     "logical",
     *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)),
 )
-"""Classes of arrays of numbers."""
+"""Classes of MATLAB for arrays of numbers."""
 
 CELL_BYTES = 8
-"""Least number of bytes of each element of a cell."""
+"""Smallest number of bytes of an element of a cell."""
 
 INFLATED_BYTES = 1 << 24
 """Number of bytes that are unpacked at a time."""
@@ -108,7 +113,10 @@ def _variables(data: bytes, room: Room) -> Variables:
 def _read(
     header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
 ) -> Value:
-    """Read a variable after a check of its size, as SciPy makes all cells that a file claims."""
+    """Read a variable.
+
+    Its size is checked before, as SciPy creates all `cells` that a damaged file claims to have.
+    """
     from scipy.io import loadmat
 
     if is_deflated:
@@ -119,7 +127,7 @@ def _read(
 
 
 def _file(header: bytes, element: bytes) -> Any:
-    """Return a MAT file with one variable."""
+    """Return an open MAT file, in memory, with one variable."""
     return io.BytesIO(header + element)
 
 
@@ -159,7 +167,7 @@ def _fields(element: Any) -> Value:
 MAT_73 = b"MATLAB 7.3 MAT-file"
 
 EMPTY, CLASS = "MATLAB_empty", "MATLAB_class"
-"""Attributes of HDF5 for empty arrays and for classes of MATLAB."""
+"""Attributes of HDF5 that mark an empty array, and that have the class of a value in MATLAB."""
 
 
 def _elements(fields: Structure, group: Any) -> Value:
@@ -192,7 +200,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fapl_core(backing_store=False)
     access.set_file_image(data)
-    image = os.fsencode(os.path.join(path, "image"))  # no file lies below a file
+    image = os.fsencode(os.path.join(path, "image"))  # no such file: it would be below a file
 
     def is_here(group: Any, name: str) -> bool:
         return isinstance(group.get(name, getlink=True), h5py.HardLink)
@@ -214,7 +222,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
         room(item.nbytes, name)
         values = np.asarray(item[()]).T
-        if item.attrs.get(EMPTY):  # an empty array stores its dimensions as values
+        if item.attrs.get(EMPTY):  # the values are the dimensions
             sizes = [int(size) for size in values.ravel()]
             if 0 not in sizes:
                 raise ValueError(f"{name} is marked empty, but is not")
@@ -236,27 +244,29 @@ TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
 
 VARIABLES = {"truth": ("X", "truth"), "estimate": ("Y", "est", "estimate")}
-"""Names of the set to read if a file has several, as in the published code and in toolboxes."""
+"""Names of the set to read by role, if a file has several sets.
+
+The names are those of the published code and of toolboxes."""
 
 STATES, LABELS = "X", ("L", "track_list")
 """Names of the cells with the states and the labels of each step."""
 
 
 def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a MAT file; the role chooses among several variables.
+    """Read the rows of a MAT file; `role` decides which of several variables is read.
 
     Raises
     ------
     InputError
-        The file is not a MAT file, or does not have exactly one suitable set of trajectories; or
-        both sides would be the same set, and a path does not name it.
+        The file is not a MAT file, or it is not clear which set of trajectories to read. Or truth
+        and estimate would be the same set of one file, and not both paths name it.
     ConfigError
         The file needs h5py, which is not installed.
     """
     paths, files = options.beside, tuple(map(file_of, options.beside))
     is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
     sides = tuple(zip(paths, files, options.roles, strict=True)) if is_one else ()
-    is_named = file_of(f"{path}:X") == path  # False for a pipe
+    is_named = file_of(f"{path}:X") == path  # whether FILE:X is possible
     name, fields, about = _in_helper(_choose, path, data, options.max_input, role, sides, is_named)
     rows = _rows(f"{path}, {name}", fields, options, len(data))
     return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))
@@ -268,14 +278,17 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
     Raises
     ------
     InputError, ConfigError
-        An error of `read_mat`.
+        The file cannot be read, see `read_mat`.
     """
     names: list[str] = _in_helper(_names, path, data, limit)
     return names
 
 
 def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) -> Any:
-    """Call a function on the sets of a file in a helper process, which a damaged file may end.
+    """Call `work` in a helper process, and return its result.
+
+    A damaged file can end the process that reads it. `work` receives the path, the path without the
+    name of a variable, the bytes of the file, and `more`.
 
     Raises
     ------
@@ -306,13 +319,13 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
 
 
 # -------------------------------------------------------------------------------------------------
-# Functions for the helper process.
+# Functions that run in the helper process.
 
 ITSELF = GIGABYTE / 4
-"""Memory in bytes that the helper process may take in addition to the data."""
+"""Memory in bytes that the helper process needs without the data."""
 
 MAX_INFLATED = 1032
-"""Largest ratio of unpacked to compressed size."""
+"""Largest possible ratio of unpacked to compressed size."""
 
 
 def _choose(
@@ -324,7 +337,10 @@ def _choose(
     sides: tuple[tuple[str, str, str], ...],
     is_named: bool,
 ) -> tuple[str, Structure, list[str]]:
-    """Choose the variable to read; return its name, its fields that are arrays, and notices."""
+    """Choose the set to read; return its name, its fields, and notices.
+
+    Fields that are not arrays are None. `sides` is for `_Sets.check_sides`.
+    """
     with _sets(path, file, data, limit) as sets:
         name = sets.chosen(path, file, role)
         sets.check_sides(sides)
@@ -336,7 +352,7 @@ def _choose(
 
 
 def _names(path: str, file: str, data: bytes, limit: float | None) -> list[str]:
-    """Return the names of the sets, with a name for each element of a cell."""
+    """Return the names of the sets, with one name for each element of a cell."""
     with _sets(path, file, data, limit) as sets:
         return [
             run
@@ -359,7 +375,7 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
         check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
     max_bytes = max_memory(len(data), limit)
-    if data.startswith(MAT_5):  # SciPy allocates the sizes that damaged data claim
+    if data.startswith(MAT_5):  # damaged data may claim any size
         max_bytes = min(max_bytes, TABLE * MAX_INFLATED * len(data))
     limit_memory(int(max_bytes + ITSELF))
     try:
@@ -398,7 +414,7 @@ def _size(value: Value) -> int:
 
 
 def _by_step(fields: Structure, name: str) -> Structure:
-    """Join cells with the states and labels of each step into arrays.
+    """Convert cells, which have the states and labels of each step, to arrays by step and track.
 
     Raises
     ------
@@ -440,7 +456,11 @@ def _by_step(fields: Structure, name: str) -> Structure:
 
 
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
-    """Return the names of variables of states that have a third axis or times."""
+    """Return the names of variables that have states by step.
+
+    Such a variable has three axes, or there is also a variable with times. `sizes` has the sizes of
+    all variables.
+    """
     kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
     return [name for name in named if len(sizes[name]) > 2 or "t" in kinds.values()]
@@ -464,13 +484,13 @@ class _Sets:
 
     @cached_property
     def there(self) -> dict[str, int]:
-        """Number of elements of each variable that has sets; 0 for a variable that is one set."""
+        """Number of elements of each cell that has sets; 0 for a variable that is itself a set."""
         counts = {name: self._count(name) for name in self.variables if name not in self.arrays}
         sets = {name: count for name, count in counts.items() if count is not None}
         return sets or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
-        """Return the number of elements of a cell of sets; 0 for a set, None for others."""
+        """Return the number of elements of a cell that has sets; 0 for a set, None for others."""
         if name in self.arrays:
             is_timed = any(kind_of(k)[0] == "t" for k in self.arrays)
             return 0 if is_timed or len(self.arrays[name]) > 2 else None
@@ -480,7 +500,9 @@ class _Sets:
         return 0 if _is_set(value) else None
 
     def fields(self, name: str) -> Structure:
-        """Return the fields of ``X`` or ``Y{3}``; for an array, the variables that belong to it.
+        """Return the fields of the set ``X`` or ``Y{3}``.
+
+        If the set is an array, its fields are this variable and others that belong to it.
 
         Raises
         ------
@@ -504,12 +526,14 @@ class _Sets:
         return _by_step(value, name) if isinstance(value.get(STATES), list) else value
 
     def chosen(self, path: str, file: str, role: str) -> str:
-        """Return the name of the set to read, ``X`` or ``Y{3}``: from the path, else by the role.
+        """Return the name of the set to read, ``X`` or ``Y{3}``.
+
+        The path may name it; otherwise the role decides, see `VARIABLES`.
 
         Raises
         ------
         InputError
-            The file has no set of this name, or it has several sets without a usual name.
+            The file has no set of this name, or several sets of which none is in `VARIABLES`.
         """
         key = path[len(file) + 1 :]
         if not key:
@@ -547,19 +571,22 @@ class _Sets:
         return _run(name, int(place or 1))
 
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
-        """Check that both sides are different variables, unless both paths name their variable.
+        """Check that truth and estimate are different variables, if they are in this file.
+
+        `sides` has path, file and role of both. It is empty if nothing needs to be checked: they
+        are in two files, or both paths name a variable.
 
         Raises
         ------
         InputError
-            Both sides are the same variable.
+            Truth and estimate are the same variable.
         """
         if not sides:
             return
         try:
             name, other = (self.chosen(*side) for side in sides)
         except InputError:
-            return  # reading that side reports it
+            return  # reported when it is read
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
@@ -568,7 +595,10 @@ class _Sets:
             )
 
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
-        """Yield notices about unused variables, and about the choice of an unnamed variable."""
+        """Yield notices about unused variables.
+
+        If the path names no variable, also yield a notice that says which one was chosen.
+        """
         default = VARIABLES[role][0]
         if name in self.arrays:
             used = {name, *self.fields(name)}
@@ -585,7 +615,7 @@ class _Sets:
             yield f"variable {name}; {default} is {NO_SET}"
 
     def _firsts(self) -> list[str]:
-        """Return the names of the sets; for a cell, the name of its first element."""
+        """Return a name for each variable that has sets; for a cell, that of its first element."""
         return [_run(name, 1) if count else name for name, count in self.there.items()]
 
     def _all(self) -> str:
@@ -620,7 +650,7 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
     shape = state.shape
     if not state.size and not len(start):
         state = np.zeros((state.shape[0] or 2, 0, 0))
-    if state.ndim == 2:  # MATLAB drops a last dimension of 1
+    if state.ndim == 2:  # MATLAB drops a last dimension of size 1
         state = state[:, :, None]
     if state.ndim != 3 or not len(start) == len(length) == state.shape[2]:
         raise InputError(
@@ -637,7 +667,7 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
         )
     step = np.arange(1, state.shape[1] + 1)[:, None]
     there = (step >= start) & (step < start + length)
-    empty = ~there.any(axis=1, keepdims=True)  # a step without states is still a step
+    empty = ~there.any(axis=1, keepdims=True)  # a step without states stays a step
     there[:, :1] |= empty
     arrays["xState_dTn"] = np.where(empty, np.nan, state)
     return array_rows(name, arrays, options, file=file, axes=MATLAB, there=there)

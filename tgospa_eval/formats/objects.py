@@ -1,9 +1,11 @@
-"""Readings of sides: files by their format, and objects in memory by their type.
+"""Reading of truth and estimate: files by their format, and objects in memory by their type.
 
-Objects are tables, arrays, mappings and sets of tracks. Weights of steps are read here as well.
+A side is the truth or the estimate. Objects in memory are tables, arrays, mappings and sets of
+tracks. An array (T, k, d) has T steps, k tracks and d state columns. Weights of steps are also read
+here.
 
-A reader of a format returns `formats.rows.Rows`, with the rows before any are left out, or a
-DataFrame. `formats.assemble` converts them to a `Reading`.
+A reader of a format returns all rows of a file, as `formats.rows.Rows` or as a DataFrame.
+`formats.assemble` leaves out rows and converts the others to a `Reading`.
 """
 
 import os
@@ -54,11 +56,11 @@ ALL_AXES = 4
 """Number of axes of an array (runs, T, k, d)."""
 
 TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequence[object]]"
-"""Times and states."""
+"""Pair of times and states."""
 
 
 # -------------------------------------------------------------------------------------------------
-# Tracks and ground-truth paths of Stone Soup, by their attributes, as Trajectories.
+# Tracks and ground-truth paths of Stone Soup, which is not imported: attributes show what they are.
 
 
 class TrackLike(Protocol):
@@ -77,8 +79,9 @@ class TrackLike(Protocol):
 
 
 Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
-"""Components of state vectors to compare: one sequence for both sides, or one each for truth and
-estimate."""
+"""Indices of the components of state vectors to compare.
+
+They are one sequence for both sides, or two: one for the truth and one for the estimate."""
 
 
 def _rows_of_tracks(
@@ -88,12 +91,14 @@ def _rows_of_tracks(
     columns: tuple[str, ...] | None,
     mapping: Sequence[int] | None,
 ) -> Rows:
-    """Convert tracks and ground-truth paths of Stone Soup to rows, by their attributes.
+    """Convert tracks and ground-truth paths of Stone Soup to rows.
 
     If a track has several states at one time, the last of these counts, as with
-    ``last_timestamp_generator`` of Stone Soup: an update after its prediction. If covariances are
-    read, they are ``covar``, and NaN for a state without one. The columns of ``state_vector`` may
-    also be particles, with the weights ``weight``. Otherwise states are points.
+    ``last_timestamp_generator`` of Stone Soup. So an update counts, and not its prediction.
+
+    If covariances are not read, states are points. Otherwise ``covar`` is the covariance of a
+    state, and a state without it gets NaN. If ``state_vector`` has several columns, these are
+    particles with the weights ``weight``.
 
     Raises
     ------
@@ -146,13 +151,15 @@ def _rows_of_tracks(
 
 
 State: TypeAlias = "tuple[str, Any, Floats, Cloud, Floats | None]"
-"""Id, time, mean, particles and covariance; a state without particles has one particle."""
+"""Id, time, mean, particles and covariance of a state.
+
+A state without particles has its mean as the only particle."""
 
 
 def _states_of_tracks(
     tracks: Iterable[Any], name: str, options: ReadOptions, mapping: Sequence[int] | None
 ) -> Iterator[State]:
-    """Yield the states, track by track."""
+    """Yield the states of all tracks, track by track."""
     from tgospa_eval.formats.frames import id_text
 
     known: set[str] = set()
@@ -195,7 +202,7 @@ def _states_of_tracks(
 
 
 def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
-    """Return the particles (N, d) of a state and their weights, which are equal by default."""
+    """Return the N particles (N, d) of a state and their weights, which are equal by default."""
     points = numbers_of(state.state_vector, where)
     points = points.reshape(len(points), -1)[chosen].T
     weights = getattr(state, "weight", None)
@@ -236,7 +243,7 @@ times and array, arrays by id, arrays of xarray, and tracks of Stone Soup."""
 
 
 Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
-"""One side, or several runs of it, each in a form of a side; see `runs_of`."""
+"""One side, or several runs of it, see `runs_of`. Each run is in one of the forms of a side."""
 
 
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
@@ -245,7 +252,10 @@ def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
 
 
 def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
-    """Check that sides without times have the same number of steps; `names` are for messages.
+    """Check that sides without times have the same number of steps.
+
+    `given` has the sides as the user gave them, `sides` as they were read. `names` are for
+    messages.
 
     Raises
     ------
@@ -266,7 +276,11 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 
 
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
-    """Return all sides; a side without tracks has the columns of the other side, or `columns`."""
+    """Return both sides; a side that is None becomes a reading without tracks.
+
+    It has the columns of the other side. If both sides are None, they have `columns`; without
+    these, they have two columns.
+    """
     given = tuple(side for side in sides if side is not None)
     if len(given) == len(sides):
         return given
@@ -282,12 +296,12 @@ def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> 
 def components_of(
     given: Sequence[object], mapping: "Components | None"
 ) -> "list[Sequence[int] | None]":
-    """Return the components of state vectors to compare, for each side.
+    """Return, for each side, the indices of the components of state vectors to compare.
 
     Raises
     ------
     ConfigError
-        The mapping does not have components, or all sides have named columns.
+        The mapping is not made of indices, or all sides have columns with names.
     """
     if mapping is None:
         return [None] * len(given)
@@ -318,7 +332,8 @@ def _is_tracks(side: object) -> bool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Arrays with named axes: DataArray and Dataset of xarray, by their attributes.
+# Arrays with named axes, DataArray and Dataset of xarray, which is not imported: attributes show
+# what they are.
 
 NAMED_AXES = {
     "R": ("run", "realization", "realisation", "mc", "trial"),
@@ -327,14 +342,16 @@ NAMED_AXES = {
     "N": ("particle", "sample"),
     "d": ("state", "component", "coordinate", "coord", "axis", "space", "dim", "xyz", "xy"),
 }
-"""Names of the axes of `formats.arrays`, and of runs, in the singular and without a number."""
+"""Names of dimensions by the letter of an axis: R for runs, others as in `formats.arrays`.
+
+A dimension may also have the plural of such a name, or a number behind it."""
 
 ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
-"""Name of the variable by its axes in alphabetical order."""
+"""Kind of a variable by the letters of its axes in the order of ASCII (capital letters first)."""
 
 
 def _axis_of(dim: object, name: str) -> str:
-    """Return the letter of a dimension.
+    """Return the letter of the axis that a dimension is.
 
     Raises
     ------
@@ -354,11 +371,11 @@ def _has_named_axes(side: object) -> bool:
 
 
 def with_plain_axes(side: Any, name: str) -> Any:
-    """Convert arrays with named axes to arrays by step and track; keep any other side.
+    """Convert arrays with named axes to arrays by step and track; return any other side unchanged.
 
-    A DataArray has states. The dimensions of a variable of a Dataset show whether it has states,
-    covariances or particles. A variable without components is one coordinate, or weights if it has
-    such a name.
+    A DataArray has states. In a Dataset, the dimensions of a variable show whether it has states,
+    covariances or particles. A variable without an axis of components is one coordinate; or it has
+    weights, if its name says so.
 
     Raises
     ------
@@ -407,7 +424,9 @@ def with_plain_axes(side: Any, name: str) -> Any:
 
 
 def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
-    """Return the runs of a Monte Carlo study with their names, or blanks; None for a single side.
+    """Return name and side of each run of a Monte Carlo study; None if there are no runs.
+
+    A name is blank if the runs have no names.
 
     Runs are a list of sides, an array (runs, T, k, d), a pair of times and such an array, an array
     of xarray with the dimension ``run``, or a table with the column ``run``, sorted by its values.
@@ -429,7 +448,7 @@ def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
     if frame is not None:
         if "run" not in frame:
             return None
-        from tgospa_eval.formats.frames import id_text  # lazy: pandas
+        from tgospa_eval.formats.frames import id_text  # lazy: pandas is slow to import
 
         parts = frame.groupby("run", sort=False, dropna=False)
         named = [(id_text(run, f"{name}, column run"), part) for run, part in parts]
@@ -446,13 +465,13 @@ def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
 
 
 def is_empty(side: object) -> bool:
-    """Return whether a side is an empty collection, without tracks and columns."""
+    """Return whether a side is an empty collection, which has neither tracks nor columns."""
     kinds = (Mapping, Set, list, tuple)
     return isinstance(side, kinds) and not len(side)
 
 
 def _counts_steps(side: object) -> bool:
-    """Return whether a side has only step numbers as times."""
+    """Return whether a side has no times, so that its steps are numbered."""
     if isinstance(side, Mapping):
         is_timed = any(isinstance(value, tuple) for value in side.values())
         return not (is_timed or (is_variables(side) and any(kind_of(k)[0] == "t" for k in side)))
@@ -460,7 +479,7 @@ def _counts_steps(side: object) -> bool:
 
 
 def is_variables(side: object) -> bool:
-    """Return whether a side is a mapping from names to arrays by step and track."""
+    """Return whether a side is a mapping from names to arrays by step and track, as in npz."""
     return isinstance(side, Mapping) and any(
         isinstance(key, str) and kind_of(key)[0] in ("x", "particles") and np.ndim(value) > 2
         for key, value in side.items()
@@ -475,9 +494,12 @@ def read_object(
     columns: tuple[str, ...] | None = None,
     mapping: "Sequence[int] | None" = None,
 ) -> Reading:
-    """Read an object in memory: tables, tracks and arrays row by row, other objects as a whole.
+    """Read an object in memory.
 
-    `name` begins the messages. `columns` are the state columns that the distance prescribes.
+    Tables, tracks and mappings as in `is_variables` are converted to rows, from which rows can be
+    left out. If an option in use needs rows, so are other arrays. All other objects are converted
+    to Trajectories directly. `name` begins the messages. `columns` are the state columns that the
+    distance prescribes.
 
     Raises
     ------
@@ -486,7 +508,7 @@ def read_object(
     """
     frame = as_frame(side, name)
     if frame is not None:
-        from tgospa_eval.formats.frames import from_frame  # lazy: pandas
+        from tgospa_eval.formats.frames import from_frame  # lazy: pandas is slow to import
 
         return by_place(lambda how: replace(from_frame(frame, how, name=name), format=""), options)
     rows = None
@@ -526,7 +548,7 @@ def read_object(
 
 
 def has_rows(side: object, options: ReadOptions) -> bool:
-    """Return whether a side is read row by row, by its type and options."""
+    """Return whether a side is converted to rows, see `read_object`; files always are."""
     if isinstance(side, Trajectories):
         return False
     is_table = is_path(side) or as_frame(side, "") is not None
@@ -540,7 +562,7 @@ def _rows_of_arrays(
     columns: tuple[str, ...] | None,
     mapping: "Sequence[int] | None",
 ) -> Rows | None:
-    """Convert arrays to rows of a table; return None for any other object."""
+    """Convert arrays to rows; return None for any other object."""
     if is_timed_array(side):
         side = {"t": list(side[0]), "x": side[1]}
     elif hasattr(side, "__array__"):
@@ -552,7 +574,7 @@ def _rows_of_arrays(
 
 
 def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
-    """Select components of an array, of a pair of times and array, or of a mapping of these."""
+    """Select components in an array, in a pair of times and array, or in a mapping to these."""
     if isinstance(side, Mapping):
         return {key: _picked(value, mapping, name) for key, value in side.items()}
     if isinstance(side, tuple) and len(side) == 2:
@@ -562,7 +584,10 @@ def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":
-    """Return a table as a DataFrame, converted by Arrow if needed; None for other objects."""
+    """Return a table as a DataFrame, or None for any other object.
+
+    Tables that are not of pandas are converted by Arrow.
+    """
     if hasattr(side, "iloc") and hasattr(side, "columns"):
         return cast("pd.DataFrame", side)
     if not hasattr(side, "__arrow_c_stream__"):
@@ -583,7 +608,7 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
 
 
 # -------------------------------------------------------------------------------------------------
-# Arrays with times, and mappings from id to these.
+# Arrays with or without times, and mappings from ids to these.
 
 
 def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
@@ -700,22 +725,22 @@ def from_rows(
     ids : sequence of k objects
         Ids of the tracks: texts, numbers and similar values.
     at : pair of (R,) int arrays
-        Positions in `times` and in `ids`.
+        Index of each row in `times`, and in `ids`.
     states : (R, d) array
         States.
     times : Times
-        Times of the steps, which may repeat.
+        Times to which the rows belong; the same time can be there several times.
     columns : tuple of str, optional
         Names of the d columns; ignored if their number is not d.
     covariance, clouds : (R, d, d) array, Clouds, optional
-        Covariances, or particles, of the states.
+        Covariances of the states, or their particles.
 
     Raises
     ------
     InputError
         A state is infinite, an id is not valid or a duplicate, or an id has two rows at one time.
     """
-    from tgospa_eval.formats.frames import id_text  # lazy: imports pandas
+    from tgospa_eval.formats.frames import id_text  # lazy: pandas is slow to import
     from tgospa_eval.formats.rows import number_ids
 
     table, number = number_ids([id_text(value, name) for value in ids])
@@ -752,7 +777,7 @@ def from_rows(
 
 
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
-    """Replace the times of trajectories; equal times become one step."""
+    """Replace the times of trajectories by `times`; equal times become one step."""
     labels = None
     timestamps, step = np.unique(times.value, return_inverse=True)
     if times.text is not None:
@@ -816,7 +841,7 @@ def numbers_of(value: object, where: str) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# Weights of steps given in Python, as `WeightsByTime`.
+# Conversion of weights of steps to `WeightsByTime`.
 
 StepWeightsLike: TypeAlias = (
     "Mapping[Any, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
@@ -828,7 +853,7 @@ GIVEN = "step_weights"
 
 
 def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> WeightsByTime | None:
-    """Convert any supported form of the weights of steps; `decimal` is the mark in a file.
+    """Convert weights of steps in any supported form; `decimal` is the decimal mark in a file.
 
     Raises
     ------
@@ -845,7 +870,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
         return read_step_weights(os.fspath(given), decimal)
     import pandas as pd  # lazy: files do not need it
 
-    if isinstance(given, pd.Series):  # a mapping from its index
+    if isinstance(given, pd.Series):  # its index has the times
         given = dict(given.items())
     frame = as_frame(given, GIVEN)
     if frame is None and isinstance(given, Mapping):
@@ -916,15 +941,15 @@ def read(
     options : ReadOptions, optional
         Options of reading, and filters of rows.
     role : {"truth", "estimate"}
-        Role of the side; in formats of challenges some columns depend on it.
+        Role of the side. In some formats it decides what a column means or which set is read.
     format : str, optional
         Format of a file, a key of `FORMATS`; by default guessed from name and content.
     name : str, optional
         Name of an object in messages; by default its role.
     columns : tuple of str, optional
-        State columns of the distance, for an object.
+        State columns that the distance prescribes, for an object in memory.
     mapping : sequence of int, optional
-        Components to compare, for tracks with state vectors.
+        Indices of the components to compare, for tracks with state vectors and for arrays.
 
     Raises
     ------
@@ -970,7 +995,7 @@ def _read_file(
     data = load_content()
     chosen = format or (kind if is_folder else guess(file, data))
     if format is None and chosen in WITHOUT_HEADER and "t" in options.placed:
-        chosen = "csv"  # a CSV file whose columns are named by position
+        chosen = "csv"  # the user named its columns in order
     if chosen == "csv" and has_patterns(options):
         chosen, reader = "wide", None
     if reader is None:
@@ -1003,7 +1028,7 @@ def _read_file(
 
 
 WITHOUT_HEADER = ("motchallenge", "visdrone", "kitti", "tum", "yolo")
-"""Text formats without a header, which are guessed from their numbers."""
+"""Text formats that have no header and are guessed from the numbers in their lines."""
 
 
 def runs_inside(path: str, max_input: float | None = None) -> list[str]:
@@ -1056,15 +1081,15 @@ def read_trajectories(
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
 
-    Rows with the same (id, t) are particles of one cloud if there is a column ``weight``. Matrices
-    that are nearly positive semi-definite are corrected with a warning.
+    Rows with the same id and time are particles of one cloud if there is a column ``weight``.
+    Covariances that are nearly positive semi-definite are corrected with a warning.
 
     Parameters
     ----------
     path : path
         The file.
     role : {"truth", "estimate"}
-        Side of the file. Column 7 of MOTChallenge is a flag in the truth and a score in results.
+        Role of the file. Column 7 of MOTChallenge is a flag in the truth and a score in results.
     format : str, optional
         One of ``formats.FORMATS``, as for ``--truth-format``; by default it is guessed by name and
         content.
@@ -1089,7 +1114,7 @@ def read_trajectories(
     ConfigError
         An option is not allowed, or the package that reads the format is missing.
     """
-    given = locals().copy()  # all arguments, those of `ReadOptions` by the same names
+    given = locals().copy()  # fields of `ReadOptions` have the same names
     names = [each.name for each in fields(ReadOptions) if each.name in given]
     options = ReadOptions(
         **{name: given[name] for name in names},

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ITEM = r"""("[^"]*"|'[^']*'|[^\s"'<>=!]+)"""
 ONE = re.compile(rf"\s*{ITEM}\s*([<>]=?|[!=]=)\s*{ITEM}\s*(?:\Z|(and)(?=\s))", re.IGNORECASE)
-"""Pattern of a comparison, up to the end or to the ``and`` before the next comparison."""
+"""Pattern of one comparison, with the ``and`` behind it if another comparison follows."""
 
 COMPARED: dict[str, Callable[[Any, Any], Any]] = {
     "==": operator.eq,
@@ -43,19 +43,22 @@ COMPARED: dict[str, Callable[[Any, Any], Any]] = {
 
 
 Comparison = tuple[str, str, int | float | str]
-"""Header of a column or name of its role, one of `COMPARED`, and the value to compare with. A value
-is a text if it was in quotes or is not a number."""
+"""Column, sign of comparison (a key of `COMPARED`), and value with which the column is compared.
+
+The column is a header, or the name of a role such as ``id``. The value is a text if it was in
+quotes or is not a number."""
 
 
 def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
-    """Return which rows fulfil a comparison; a blank can only fulfil a comparison with a text.
+    """Return a mask of the rows that fulfil a comparison.
 
-    `at` returns the place of a row, and `way` is the option, for messages.
+    A blank does not fulfil any comparison with a number. Compared with a text, it is an empty text.
+    `at` returns the place of a row, and `way` is the option, both for messages.
 
     Raises
     ------
     InputError
-        A number is compared with a text.
+        A column of numbers is compared with a text, or a text in the column with a number.
     """
     column, mark, value = comparison
     compare = COMPARED[mark]
@@ -68,7 +71,7 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
                 f"{values[filled[0]]:g} is a number, and {way} compares with a text; "
                 "compare with a number"
             )
-        if number is None:  # a blank may be a missing number
+        if number is None:  # the column is blank, or the text is
             return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
         return np.asarray(compare(values, number))
     if isinstance(value, str):
@@ -98,7 +101,7 @@ class Where:
     text : str
         Filter as it was given.
     comparisons : tuple of Comparison
-        Comparisons of the filter.
+        The comparisons that the text means.
     """
 
     option: str
@@ -111,14 +114,17 @@ class Where:
         return tuple(column for column, _, _ in self.comparisons)
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
-        """Return which rows pass the filter, by the values of each column; see `_fulfils`."""
+        """Return a mask of the rows that pass the filter.
+
+        `values` has the values of each column; `at` returns the place of a row, for messages.
+        """
         way = f"{self.option} {quoted(self.text)}"
         masks = (_fulfils(one, values[one[0]], at, way) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
 
 
 def parse_where(texts: str | Iterable[str], keyword: str) -> tuple[Where, ...]:
-    """Parse the filters of an option that may be given several times.
+    """Parse the filters of an option that can be given several times.
 
     Raises
     ------
@@ -169,7 +175,7 @@ class TimeRange:
     low, high : int, float or None
         Ends as numbers, or as nanoseconds since 1970; None means no limit.
     clock : {"number", "local", "zoned"}
-        Kind of time.
+        Kind of the ends: numbers, ISO times without a zone, or ISO times with a zone.
     text : str
         Range as it was given.
     """
@@ -180,7 +186,7 @@ class TimeRange:
     text: str
 
     def inside(self, times: TimeArray, clock: str, where: str) -> Mask:
-        """Return which of the times are in the range; integers are compared exactly.
+        """Return a mask of the times that are in the range; integers are compared exactly.
 
         Raises
         ------
@@ -202,12 +208,16 @@ class TimeRange:
 
 
 def parse_time_range(text: str | None) -> TimeRange | None:
-    """Parse a range ``A:B``; it splits where both halves parse, as ISO times contain colons.
+    """Parse a range ``A:B`` of numbers or ISO times.
+
+    ISO times contain colons, too. So the text is split at the colon for which both halves are
+    numbers or ISO times.
 
     Raises
     ------
     ConfigError
-        The text is not a range, its ends are of two kinds, or it ends before it begins.
+        The text is not a range, its ends are of two kinds (such as a number and an ISO time), or it
+        ends before it begins.
     """
     if text is None:
         return None
@@ -230,15 +240,16 @@ def parse_time_range(text: str | None) -> TimeRange | None:
 
 
 def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
-    """Parse steps ``FIRST:LAST[:EVERY]``; the text splits where all parts parse.
+    """Parse steps ``FIRST:LAST[:EVERY]``.
 
-    If a range of time is given, only the steps in the range are returned.
+    ISO times contain colons, too. So the text is split at the colons for which all parts can be
+    parsed. If `within` is given, only the steps in this range are returned.
 
     Raises
     ------
     ConfigError
-        The text does not declare steps, its ends are of two kinds, it ends before it begins, or the
-        range has no step.
+        The text does not declare steps, its ends are of two kinds (such as a number and an ISO
+        time), it ends before it begins, or no step is within the range.
     """
     if text is None:
         return None
@@ -269,14 +280,18 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
-    """Yield all ways to split a text at colons into `count` parts, as times may contain colons."""
+    """Yield all ways to split a text at `count` - 1 of its colons; ISO times contain others."""
     pieces = text.split(":")
     for at in combinations(range(1, len(pieces)), count - 1):
         yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """Return the class of this name, else the only class with the name in another case, or None."""
+    """Return the class of this name, or None.
+
+    If there is no such class, but one whose name differs just in upper and lower case, return it.
+    With several of these the result is None.
+    """
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
@@ -287,7 +302,7 @@ def is_alike(name: str, other: str) -> bool:
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
-    """Parse ranges such as ``x=-50:50,y=0:``; return them by column.
+    """Parse ranges such as ``x=-50:50,y=0:``; return both ends by column. A blank end is infinite.
 
     Raises
     ------
@@ -315,7 +330,7 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
 
 
 ROLES = ("truth", "estimate")
-"""Roles of a file."""
+"""Roles of the two files of an evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -331,10 +346,10 @@ class ReadOptions:
     decimal : {".", ","}
         Decimal mark.
     on_duplicate : {"error", "first", "last"}
-        What to do with a repeated (id, t).
+        What to do with rows that repeat an id and time: raise an error, or use the first or last.
     on_invalid : {"error", "drop"}
-        What to do with a row whose state is invalid: a box without a size, or a position that the
-        distance does not allow.
+        What to do with a row without an id, or with an invalid state: a box without a size, or a
+        position that the distance does not allow.
     boxes : bool
         Whether the states are boxes: left, top, width, height.
     form : TimeForm, optional
@@ -346,17 +361,18 @@ class ReadOptions:
     classes : tuple of str, optional
         Classes of the rows to read.
     also : tuple of str
-        Further classes that pass a filter by class.
+        Further classes of the rows to read, if `classes` is given.
     kept : tuple of str
-        Rules of the format that are not applied: the rows stay.
+        Names of rules of the format that are not applied: the rows stay, see `Rows.excluded`.
     regions : bool
-        Whether the reading also has the boxes of the file that mark ignored regions, not objects.
+        Whether to read also the boxes that mark ignored regions instead of objects, see
+        `Reading.regions`.
     region : str, optional
         Ranges of the rows to read, ``"x=-50:50,y=0:100"``, ends included; either end may be blank.
     where : tuple of Where
         Filters that rows must pass.
     by_class : bool
-        Whether the reading has the class of each row.
+        Whether to read the class of each row, see `Reading.klass`.
     class_for : str
         Option that sets `by_class`, for messages; by default ``by``.
     covariance : bool
@@ -364,40 +380,44 @@ class ReadOptions:
     fix_covariance : bool
         Whether to replace an invalid covariance by the nearest valid matrix.
     missing_covariance : {"error", "zero"}
-        Whether a blank covariance is an error or means a point, if the file has such columns.
+        Meaning of a blank covariance, if the file has columns of covariances: an error or a point.
     clouds : bool
-        Whether a column of weights makes rows particles, also if no (id, t) is repeated.
+        Whether rows with a weight are particles even if no id and time is repeated.
     fault : callable, optional
-        Callable that receives names of state columns and states (d, R). It returns the states that
-        are out of range in a column, the column, and a message about the first, or None.
+        Callable that receives the names of the state columns and the states (d, R): d columns and R
+        rows. It returns None, or three things about a column with values that are out of range: a
+        mask of these rows, the name of the column, and a message about the first of them.
     attributes : tuple of str
         Further columns to read, if the file has them; see `Trajectories.attributes`.
     numbered : bool
-        Whether rows have the attribute `ROW`, their position in the file.
+        Whether to add the attribute `ROW`: the position of each row in the file.
     conversion : Conversion
         Conversion of the timestamps and states of the file; `time` and `region` are in the new
         units.
     max_input : float, optional
-        Memory in GB that reading may take, 0 for any; by default 4, or the available memory.
+        Memory in GB that reading may take; 0 means no limit. The default is the available memory,
+        and at most 4 GB for a file that is much smaller than its content.
     shared : tuple of str
-        Names in `columns`, or ``"class"``, that were given for several files. A file without such a
-        header is read by the usual names, and without a filter by class.
+        Names in `columns` that were mapped for several files, and ``"class"`` if a filter by class
+        was. If a file lacks such a header, the usual headers are tried. If it has no classes, all
+        its rows pass the filter.
     placed : tuple of str
         Names of the columns of a table without a header, in order.
     hidden : tuple of str
-        Headers of unknown positions, which are part of a state only if they are mapped.
+        Headers of columns in which all positions are unknown. Such a column is part of the state
+        only if the user maps it.
     heights : {"", "tell", "use"}
-        Treatment of a column of heights or elevations, if the user named no states: ``"use"`` makes
-        it part of the state, ``"tell"`` only notes it, and ``""`` ignores it. It is for positions
-        on the Earth, and for ranges.
+        What to do with a column of heights (for positions on the Earth) or elevations (for
+        positions by range and bearing) that the user did not name: ``"use"`` makes it part of the
+        state, ``"tell"`` only notes it in the reading, and ``""`` ignores it.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str
-        Roles of these files.
+        Roles of the files of `beside`.
     option : str
-        Name of `columns` in messages, see `formats.headers.ask`.
+        Option that sets `columns`, for messages; blank for a DataFrame.
     of_tables : str
-        Option in use that needs rows and headers; blank if no such option is in use.
+        Name of an option in use that needs a table with rows and headers; blank if there is none.
 
     Raises
     ------
@@ -458,23 +478,26 @@ class ReadOptions:
         parse_region(self.region)
 
     def with_paths(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
-        """Return these options with the paths that are read together, without another check."""
+        """Return these options with new `beside` and `roles`; values are not checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)
         return same
 
     @property
     def time_range(self) -> TimeRange | None:
-        """Range of time that `time` means."""
+        """Range of time, parsed from `time`."""
         return parse_time_range(self.time)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Ranges of columns that `region` means."""
+        """Range of each column, parsed from `region`."""
         return parse_region(self.region)
 
     def filters(self) -> Iterator[tuple[str, str | float | list[str]]]:
-        """Yield the filters in use, and the begin of a day, by the names of their options."""
+        """Yield name and value of each option in use that selects or separates rows.
+
+        These are the filters, `day_begins` and ``by``.
+        """
         for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
             if value is not None:
                 yield name, list(value) if isinstance(value, tuple) else value
@@ -486,19 +509,19 @@ class ReadOptions:
             yield "by", "class"
 
     def covariances(self) -> Iterator[tuple[str, bool | str]]:
-        """Yield the options of covariances, by name."""
+        """Yield name and value of the options of covariances, if covariances are read."""
         if self.covariance:
             yield "fix_cov", self.fix_covariance
             yield "missing_cov", self.missing_covariance
 
 
 def one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
-    """Check that a value is one of those allowed.
+    """Check that a value is allowed.
 
     Raises
     ------
     ConfigError
-        The value is not among those allowed.
+        The value is not one of `allowed`.
     """
     if value not in allowed:
         options = ", ".join(f'"{item}"' for item in allowed)

@@ -1,4 +1,4 @@
-"""Rows with weights as particles: the rows with the same (id, t) are one cloud."""
+"""Particles: rows with a weight. All rows with the same id and time (id, t) are one cloud."""
 
 import numpy as np
 
@@ -23,13 +23,13 @@ class Particles:
     weights : (R,) float array
         Weight of each row, with the sum 1 in each cloud; 0 for rows that do not take part.
     cloud : (R,) int array
-        Number of the cloud of each row; any number for rows that do not take part.
+        Index of the cloud of each row; it has no meaning for rows that do not take part.
     uneven : int
         Number of clouds whose weights in the file do not sum to 1.
     worst : float
-        The sum of weights, among all clouds of the file, that is farthest from 1.
+        Sum of the weights of one cloud of the file: the cloud whose sum is farthest from 1.
     idle : int
-        Number of rows with weight 0.
+        Number of rows that take part and have weight 0.
     """
 
     weights: Floats
@@ -39,19 +39,25 @@ class Particles:
     idle: int
 
     def means(self, values: Floats) -> Floats:
-        """Return the weighted mean (R, n) of the cloud of each row, from values (R, n) of rows."""
+        """Return, for each row, the weighted means of the values of its cloud.
+
+        `values` (R, n) has n values for each of R rows, and so has the result.
+        """
         sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
     def clouds(
         self, rows: Rows, state: Floats, taken: Ints, ordered: Ints
     ) -> tuple[Clouds, Ints, Ints]:
-        """Return the clouds of some rows, sorted by key, and the first row and key of each cloud.
+        """Return the clouds of the rows `taken`, and the first row and the key of each cloud.
+
+        `taken` is in the order of the keys of the rows, and `ordered` has these keys. Equal keys
+        mean the same cloud. Particles of weight 0 are left out.
 
         Raises
         ------
         InputError
-            A particle is so far away that its square is not a double.
+            A coordinate of a particle is so large that its square is not a double.
         """
         weighs = self.weights[taken] > 0
         taken, ordered = taken[weighs], ordered[weighs]
@@ -71,7 +77,7 @@ class Particles:
         return clouds, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """Return notices about the clouds; `compared`: whether the distance compares particles."""
+        """Return notices about the clouds; `compared` says if the distance compares particles."""
         texts = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
@@ -92,12 +98,14 @@ class Particles:
 
 
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
-    """Build the clouds of the rows; without `always` return None if no cloud has two particles.
+    """Build the clouds of the rows where `mask` is True; rows with the same key are one cloud.
+
+    If no cloud would have two particles, return None, unless `always` is True.
 
     Raises
     ------
     InputError
-        A weight is not a number, blank, infinite or negative, or all weights of a cloud are zero.
+        A weight is blank, infinite, negative or not a number, or all weights of a cloud are zero.
     """
     used = np.flatnonzero(mask)
     distinct, number = np.unique(key[used], return_inverse=True)
@@ -129,7 +137,7 @@ def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | No
         )
     cloud = np.zeros(len(given), np.int64)
     cloud[used] = number
-    # Divided first: a sum of huge weights may overflow.
+    # The largest weight becomes 1 before the sum, which could overflow for huge weights.
     scaled = weights[used] / largest[number]
     totals = np.bincount(number, scaled, minlength=len(distinct))
     with np.errstate(over="ignore"):

@@ -1,6 +1,7 @@
 """Trajectories of a file, with notices and warnings about how they were read.
 
-Regions in which estimates are not evaluated are shapes in the plane, in an image or on the Earth.
+A side is the truth or the estimate. Regions in which estimates are not evaluated are shapes in the
+plane, in an image or on the Earth.
 """
 
 import hashlib
@@ -33,7 +34,7 @@ SHAPES = {
 
 
 FARTHEST = 1e150
-"""Largest coordinate or size; areas of larger boxes overflow a double."""
+"""Largest coordinate or size of a region; the area of a larger box could overflow a double."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,12 +46,12 @@ class Shape:
     kind : str
         One of `SHAPES`, or ``"geojson"``.
     rings : tuple of array
-        Corners (n, 2) of the edge and of the holes of a polygon; for other shapes one array with
-        the numbers of the columns.
+        For a polygon: the n corners of its edge as an array (n, 2), then those of each hole. For
+        other shapes: one array with the values of their columns in `SHAPES`.
     where : str
         Place in the file, for messages.
     moment : int or float, optional
-        Time of the region, as in `Trajectories`; None means all times.
+        Time of the region, as in `Trajectories.times`; None means all times.
 
     Raises
     ------
@@ -85,19 +86,20 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regions:
-    """Regions at all steps, or at one step each.
+    """Regions without evaluation; each is for all steps or for one step.
 
     Parameters
     ----------
     shapes : tuple of Shape
         Shapes of the regions.
     clock : {"number", "local", "zoned"}
-        Kind of the times of the regions.
+        Kind of the times of the regions: numbers, ISO times without a zone, or ISO times with a
+        zone.
     name : str
         Source of the regions, for messages.
     origin : tuple of float, optional
-        Latitude, longitude and height of the origin, if states are along local axes. Circles on the
-        Earth and GeoJSON are converted to these axes.
+        Latitude, longitude and height of the origin of local axes, if states are positions along
+        such axes. Then circles on the Earth and GeoJSON are converted to these axes.
     """
 
     shapes: tuple[Shape, ...]
@@ -131,32 +133,32 @@ class Reading:
     warnings : tuple of Notice
         Warnings, such as about repaired data.
     left_out : dict
-        Number of left-out rows by the rule or option that left them out.
+        Number of left-out rows, by the rule that left them out.
     format : str
-        Format as which the file was read.
+        Format in which the file was read; blank for an object in memory.
     classes : tuple of str
         Names of the classes that take part, if `ReadOptions.by_class` is set.
     klass : (R,) int array, optional
-        Position in `classes` of each row of the trajectories.
+        Index in `classes` of the class of each row of the trajectories.
     named : tuple of str
         Classes of all rows of the file, if classes were requested.
     missing : dict of str to str
         Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
         files lack the column.
     headers : dict of str to str
-        Headers of columns that have other names in the file.
+        Headers of ids, times and states, by name, where the header is not equal to the name.
     centres : bool
         Whether the states are centres of boxes.
     pixels : bool
-        Whether the centres are in an image, by the rules of the format.
+        Whether the states are centres of boxes in an image, as the format says.
     idle : tuple of str
-        Headers of states that are the same in all rows, as unknown positions are.
+        Headers of the states, if all positions seem to be unknown: they are the same in all rows.
     hidden : tuple of str
-        Headers of unknown positions that were skipped, as other columns of positions were read.
+        Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
-        Header of heights or elevations that are left out.
+        Header of heights or elevations that are not part of the states; blank if there are none.
     regions : Regions, optional
-        Boxes of the file that are regions without evaluation instead of objects, if
+        Boxes of the file that mark regions without evaluation instead of objects, if
         `ReadOptions.regions` is set.
     """
 
@@ -180,7 +182,7 @@ class Reading:
 
     @property
     def record(self) -> dict[str, Any]:
-        """Record of the file in the result."""
+        """Numbers of rows and format of the file, as the document of a result has them."""
         counts = {"rows": self.rows, "left_out": self.left_out}
         return counts | ({"format": self.format} if self.format else {})
 
@@ -209,7 +211,9 @@ class Reading:
 
 
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
-    """Read a side; if its positions are unknown in all rows, read other columns of positions.
+    """Read a side; if its positions seem to be unknown, read other columns of positions.
+
+    Positions seem to be unknown if they are the same in all rows, see `Reading.idle`.
 
     Parameters
     ----------
@@ -228,7 +232,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
             text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
-    if not (reading.trajectories.state == -1).all():  # some scenes have only -1
+    if not (reading.trajectories.state == -1).all():  # others may be true positions
         return reading
     warning = Notice(
         code="no-place",
@@ -243,7 +247,7 @@ def by_one_place(
     options: Sequence[ReadOptions],
     again: Sequence[Callable[[ReadOptions], Reading] | None],
 ) -> list[Reading | None]:
-    """Read all sides by the same columns of positions, if `by_place` changed those of one side.
+    """Read both sides by the same columns of positions, if `by_place` changed those of one side.
 
     If one side then has centres of boxes and the other has points, a side with unknown positions
     gets a warning.
@@ -251,11 +255,12 @@ def by_one_place(
     Parameters
     ----------
     sides : sequence of Reading or None
-        Sides as they were read.
+        Sides as they were read; None for an empty collection in memory.
     options : sequence of ReadOptions
-        Options of reading of each side.
+        Options with which each side was read.
     again : sequence of callable or None
-        Callables that receive options and read the side again; None if that is not possible.
+        Callable for each side that receives options and reads the side again; None if that is not
+        possible.
     """
     there = [one for one in sides if one is not None]
     hidden = tuple(sorted({name for one in there for name in one.hidden}))
@@ -299,7 +304,7 @@ def with_heights(
     Parameters
     ----------
     sides, options, again : sequences
-        Parameters of `by_one_place`.
+        See `by_one_place`.
     names : sequence of str
         Names of the sides in messages.
     local : bool
@@ -311,7 +316,8 @@ def with_heights(
     Raises
     ------
     ConfigError
-        All sides have heights, and the distance does not support heights.
+        Both sides have heights, and the distance does not support heights. Or a side with heights
+        cannot be read again.
     """
     there = [one for one in sides if one is not None]
     headers = [one.height for one in there]
@@ -345,14 +351,15 @@ def with_heights(
 
 
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
-    """Convert numbers since 1970 to zoned times if the other side has zoned times.
+    """Convert times of one side that are numbers, if the other side has ISO times with a zone.
 
-    The size of the numbers shows whether they are times since 1970, and a notice names the unit.
+    This is done if the size of the numbers shows that they are times since 1970. A notice names
+    their unit.
     """
     clocks = [side.trajectories.clock for side in sides]
     if sorted(clocks) != ["number", "zoned"] or not all(len(s.trajectories.times) for s in sides):
         return sides
-    from tgospa_eval.formats.clocks import since_1970  # lazy: most sides have one clock
+    from tgospa_eval.formats.clocks import since_1970  # lazy: seldom needed
 
     k = clocks.index("number")
     made, unit = since_1970(sides[k].trajectories)
@@ -365,7 +372,7 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
 
 
 def check_heights(headers: Sequence[str], distance: str) -> None:
-    """Check that the distance supports the heights of both sides.
+    """Check that the distance supports heights, which both sides have under these headers.
 
     Raises
     ------
@@ -390,7 +397,7 @@ def heights_notice(header: str, options: ReadOptions) -> str:
 
 
 def left_out_heights(header: str, other: str) -> str:
-    """Return the notice that heights of one side are left out, as the other side has none."""
+    """Return the notice that heights of one side are left out, as the other side has no heights."""
     return f"heights ({header}) are left out: {other} has none"
 
 
@@ -411,12 +418,14 @@ def check_classes(
     classes : sequence of str, optional
         Classes that are requested for both sides.
     each : sequence of ReadOptions
-        Options of each side, which may have other classes.
+        Options of each side. Their classes can differ from `classes`: then they are requested for
+        this side only.
 
     Raises
     ------
     ConfigError
-        A class has no rows, or it is not clear which class is meant.
+        No row is of a requested class, or names of classes differ only in upper and lower case, so
+        that it is not clear which class was requested.
     """
     requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):

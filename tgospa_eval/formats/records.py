@@ -1,7 +1,8 @@
 """Readers of JSON (flat records, annotations of COCO with tracks), of Excel, and of nuScenes.
 
-Annotations of nuScenes are the tables of a folder, and results are the JSON file of a tracking
-submission. Results name samples by tokens. The times and scenes of samples are only in the tables.
+In nuScenes, a sample is a moment of a scene, and it is named by a token. Annotations are the tables
+in a folder. Results are the JSON file of a tracking submission: they have only the tokens of
+samples, so that times and scenes are read from the tables.
 """
 
 import io
@@ -29,14 +30,14 @@ from tgospa_eval.quoting import listed, option, quoted
 Record = dict[str, Any]
 
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
-"""Keys of images for the number of the frame in a video."""
+"""Keys under which an image of COCO may have the number of its frame in the video."""
 
 MAX_LEVELS = 4
-"""Largest depth of nested records that become columns."""
+"""Largest depth to which nested records become columns."""
 
 
 def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
-    """Read the table of flat records, or of annotations of COCO, the same in either role.
+    """Read a table from flat records, or from annotations of COCO.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     records = document["annotations"] if is_coco else document
     records = _by_key(records)
     if isinstance(records, dict):
-        with suppress(ValueError):  # DataFrame.to_json writes columns by name
+        with suppress(ValueError):  # columns by name, as by DataFrame.to_json
             records = pd.DataFrame(records).to_dict("records")
     if not _are_records(records) or not records:
         raise InputError(f"{path}: {foreign('{')}")
@@ -68,7 +69,10 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _by_key(document: Any) -> Any:
-    """Flatten lists of records by frame or by object; the key of a list is the time or id."""
+    """Flatten a mapping of lists of records, with one list for each frame or each object.
+
+    The key of a list becomes the time or the id of its records. Any other document is unchanged.
+    """
     lists = document if isinstance(document, dict) else {}
     if not lists or not all(map(_are_records, lists.values())):
         return document
@@ -78,7 +82,10 @@ def _by_key(document: Any) -> Any:
 
 
 def _unnested(records: list[Record]) -> list[Record]:
-    """Flatten records that have one list of records each, such as frames with objects."""
+    """Flatten records that contain a list of records, such as frames that contain objects.
+
+    Other records are unchanged.
+    """
     lists = {name for record in records for name, value in record.items() if _are_records(value)}
     if len(lists) != 1:
         return records
@@ -95,7 +102,7 @@ def _are_records(value: object) -> bool:
 
 
 def _document(path: str, data: bytes, options: ReadOptions) -> Any:
-    """Parse the document in a file, or a list of records with one record in each line."""
+    """Parse a JSON document, or a file with one record in each line as a list of records."""
     lines = data.splitlines()
     first = next((line for line in lines if line.strip()), b"").strip()
     if not (first.startswith(b"{") and first.endswith(b"}") and len(lines) > 1):
@@ -105,7 +112,7 @@ def _document(path: str, data: bytes, options: ReadOptions) -> Any:
 
 
 def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
-    """Return the document of the other side, which must have the images of the results."""
+    """Return the document of another file of the evaluation that has the images of the results."""
     for other in options.beside:
         if other != path and os.path.isfile(other):
             limit = max_bytes(options.max_input, other)
@@ -124,7 +131,7 @@ def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
 def _of_coco(
     path: str, records: list[Record], document: Mapping[str, Any], options: ReadOptions
 ) -> list[Record]:
-    """Convert the records of COCO to records of a table."""
+    """Convert annotations or results of COCO to records of a table; `document` has the images."""
     try:
         images = {image["id"]: image for image in document["images"]}
         times = _times(path, images, options)
@@ -154,12 +161,15 @@ def _of_coco(
 
 
 def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dict[Any, Any]:
-    """Return the time of each image by its id: the frame number, else the id if ids are in order.
+    """Return the time of each image, by the id of the image.
+
+    The time is the number of the frame. Without such numbers it is the id, if ids are in the order
+    of the file names.
 
     Raises
     ------
     InputError
-        The images are of several videos, or their order is unknown.
+        The images are of several videos and no class is requested, or their order is unknown.
     """
     videos = list(dict.fromkeys(str(image.get("video_id")) for image in images.values()))
     if len(videos) > 1 and options.classes is None and not options.by_class:
@@ -218,12 +228,12 @@ Samples = Mapping[str, tuple[int, str]]
 
 
 def read_samples(folder: str, options: ReadOptions) -> Samples:
-    """Read the samples of a folder of tables.
+    """Read the samples from the tables of nuScenes in a folder.
 
     Raises
     ------
     InputError
-        A table is missing or not valid.
+        The table of samples is missing, or a table is not valid.
     """
     names: dict[str, str] = {}
     if os.path.isfile(os.path.join(folder, "scene.json")):
@@ -242,7 +252,9 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
-    """Return the records of a table; each record has a token and these texts.
+    """Return the records of a table, after a check that each has a token and texts.
+
+    `texts` are the keys of these texts.
 
     Raises
     ------
@@ -262,7 +274,10 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
 
 
 def is_unicode(text: str) -> bool:
-    """Return whether a text can be written; texts of JSON may have half characters."""
+    """Return whether a text can be encoded.
+
+    JSON allows halves of characters (surrogates), which cannot.
+    """
     return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
@@ -303,7 +318,7 @@ TRACKED = {
     "vehicle.trailer": "trailer",
     "vehicle.truck": "truck",
 }
-"""Class of the tracking task by category; other categories are not tracked."""
+"""Class in the tracking task by category of nuScenes; other categories are not tracked."""
 
 PLACE = ("x", "y", "z")
 NUMERIC_COLUMNS = (*PLACE, "size_width", "size_length", "size_height", "score")
@@ -317,7 +332,11 @@ NO_OBJECT = "for samples without an object, which are steps all the same"
 
 
 class _Object(NamedTuple):
-    """One object in a sample; an empty sample has one object without id and numbers."""
+    """One object in a sample, or a sample without objects: then id and numbers are missing.
+
+    `number` is the position of the object in its list or table, from 1. `reason` says why the row
+    is left out; it is blank if the row is used.
+    """
 
     sample: str
     number: int = 0
@@ -328,7 +347,7 @@ class _Object(NamedTuple):
 
 
 def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a folder of tables, or of results in JSON, the same in either role.
+    """Read the rows of a folder of tables, or of results in JSON; `role` has no effect.
 
     Raises
     ------
@@ -347,7 +366,10 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 
 
 def _folder_for(path: str, options: ReadOptions) -> str:
-    """Return the folder with the tables: the other side, or the folder of one of the files."""
+    """Return the folder with the tables for a file of results.
+
+    It is another path of the evaluation, or the folder of a file of the evaluation.
+    """
     places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
     for folder in (*places, os.path.dirname(path) or "."):
         if is_table_folder(folder):
@@ -359,7 +381,7 @@ def _folder_for(path: str, options: ReadOptions) -> str:
 
 
 def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
-    """Return the objects of results, by sample."""
+    """Return the objects of a file of results, by the token of the sample."""
     document = load_json(path, data, options)
     results = document.get("results") if isinstance(document, dict) else None
     folder = os.path.dirname(path) or "."
@@ -376,7 +398,7 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
 def _tracks(
     path: str, results: Mapping[str, Any], samples: Samples, table_path: str
 ) -> Iterator[_Object]:
-    """Yield the objects of results, and samples without objects."""
+    """Yield the objects of results, and an item for each sample without objects."""
     scenes: dict[str, set[str]] = {}
     tracked: list[_Object] = []
     for token, objects in results.items():
@@ -403,13 +425,13 @@ def _tracks(
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
             tracked.append(_Object(token, k, name, klass, numbers))
-    for item in tracked:  # an id means another track in each scene
+    for item in tracked:  # the same id in two scenes: two tracks
         several = len(scenes.get(item.id, ())) > 1
         yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 
 
 def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[_Object]:
-    """Yield the objects of the tables, and samples without objects."""
+    """Yield the objects of the tables, and an item for each sample without objects."""
     categories = {row["token"]: row["name"] for row in table(path, "category", options, "name")}
     kinds = {
         row["token"]: categories.get(row["category_token"], "")
@@ -471,7 +493,7 @@ def _numbers(item: Mapping[str, Any]) -> Iterator[float]:
 
 
 def _finite(item: Mapping[str, Any], key: str, values: list[Any]) -> list[float]:
-    """Check that numbers are finite or NaN, which means unknown."""
+    """Return numbers after a check that they are finite or NaN; NaN means unknown."""
     for value in values:
         if type(value) not in (float, int) or abs(value) > LARGEST_PLACE:
             raise _fault(item, key, "have finite numbers")
@@ -484,7 +506,7 @@ def _rows(path: str, objects: Sequence[_Object], samples: Samples, options: Read
     if options.columns is None and not options.boxes:
         reading = replace(options, columns=PLACE[:2])
     roles = replace(find_roles(NUSCENES_COLUMNS, reading, path, fixed=True), unused=())
-    # A sample without an object has an id that exists already, so that it adds no track.
+    # The row of a sample without objects gets an id that exists already, so it adds no track.
     named = [item for item in objects if item.reason is not NO_OBJECT]
     first = named[0] if named else _Object("")
     values = np.array([item.numbers for item in objects]).reshape(-1, len(NUMERIC_COLUMNS))

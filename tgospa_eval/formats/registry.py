@@ -1,6 +1,7 @@
-"""Formats of files by name, of this package and of other packages; imports nothing heavy.
+"""Formats of files by name, of this package and of other packages.
 
-docs/architecture.md tells how to add a format here, docs/reference/extend.md in another package.
+This module imports nothing that is slow to import. docs/architecture.md says how to add a format
+here, and docs/reference/extend.md in another package.
 """
 
 from collections.abc import Callable
@@ -48,4 +49,4 @@ FORMATS: "Registry[Reader]" = Registry(
     },
     _reader,
 )
-"""Functions that read the rows of a file from its bytes, by the name of the format."""
+"""Readers by the name of the format: functions that read rows from the bytes of a file."""

@@ -54,21 +54,21 @@ class Roles:
     Parameters
     ----------
     id : int
-        Column of the ids.
+        Position of the column of ids.
     time : int
-        Column of the times.
+        Position of the column of times.
     state : tuple of Mix
-        Quantities of the state, in order.
+        Quantities of the state in order, each a sum of columns.
     names : tuple of str
         Names of the quantities of the state.
     second : int, optional
-        Second column of the times, if these have two columns, such as date and time of day.
+        Second column of the times, if a time is in two columns, such as date and time of day.
     klass : int, optional
         Column of the classes, if classes are requested.
     region : dict of str to Mix
         Quantities that the filter by region compares.
     where : dict of str to int
-        Columns that filters compare, by their names in the filters.
+        Columns that filters compare, by the names that the filters use.
     sizes : tuple of Mix
         Width and height, if the states are boxes or their centres.
     centres : bool
@@ -84,24 +84,24 @@ class Roles:
     headers : tuple of str
         All headers.
     fixed : bool
-        Whether the headers are names from this package, for a format without headers.
+        Whether the format has no headers, so that they are names from this package.
     passed : tuple of str
         Notices about other headers that may be ids or times, about comments, and about the decimal
         mark.
     missing : dict of str to str
-        Columns that another file may have and this table lacks. The message for each is raised if
-        all files lack the column.
+        Columns that this table lacks, each with a message. It is raised if all files lack the
+        column.
     doubts : tuple of Notice
-        Warnings about doubtful roles.
+        Warnings about columns whose role is doubtful.
     more_ids : tuple of int
-        Further columns whose texts are part of the ids.
+        Further columns, if an id consists of the texts in several columns.
     other_ids : tuple of str
         Unused headers that may be ids.
     groups : tuple of int
-        Unused columns of recordings, clusters or classes, in each of which ids may be numbered from
-        the beginning.
+        Unused columns of recordings, clusters or classes; ids may restart in each of these.
     height : str
-        Header of the left-out heights of positions on the Earth, or elevations of ranges.
+        Header of a column that is left out: heights of positions on the Earth, or elevations of
+        positions by range and bearing.
     options : ReadOptions
         Options of reading.
     """
@@ -133,7 +133,7 @@ class Roles:
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
-        """Columns that are read as numbers, those of the state first."""
+        """Columns that are read as numbers; those of the state are first."""
         mixes = (*self.state, *self.region.values(), *self.sizes)
         columns = [column for mix in mixes for column, _ in mix]
         if self.weight is not None:
@@ -142,7 +142,7 @@ class Roles:
 
     @property
     def texts(self) -> tuple[int, ...]:
-        """Columns of attributes, filters, ids and groups without another role, read as texts."""
+        """Columns of attributes, filters, further parts of ids, and groups not read otherwise."""
         known = {self.id, self.time, self.klass, *self.numbers}
         wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
         return tuple(sorted(wanted - known))
@@ -155,19 +155,25 @@ class Roles:
 
     @property
     def digits(self) -> int:
-        """Decimal places of a second in the second column of times by its header; 0 if unknown."""
+        """Number of decimal places of the fractions of a second in the second column of times.
+
+        It is 0 if the header of this column does not say so, or there is no such column.
+        """
         return (
             0 if self.second is None else FRACTIONS.get(words_of(self.headers[self.second])[-1], 0)
         )
 
     @property
     def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states that have another name; empty for fixed headers."""
+        """Headers of ids, times and states, by name, where header and name differ.
+
+        Empty if the headers are `fixed`.
+        """
         headers = self._headers()
         return {name: header for name, header in headers.items() if header.casefold() != name}
 
     def _headers(self) -> dict[str, str]:
-        """Return the headers of ids, times and states with one column, by name."""
+        """Return, by name, the headers of ids, times, and states that are a single column."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -223,12 +229,15 @@ class Roles:
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
-        """Compute quantities (R, len(mixes)) from the `numbers` columns (R, n); may be a view."""
+        """Compute m quantities (R, m) in R rows from the values (R, n) of the columns `numbers`.
+
+        `mixes` has the m quantities. The result may be a view of the values.
+        """
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
             return numbers[:, : len(mixes)]
         answer = np.zeros((len(numbers), len(mixes)), order="F")
-        with np.errstate(over="ignore", invalid="ignore"):  # an error later names the row
+        with np.errstate(over="ignore", invalid="ignore"):  # a later error names the row
             for k, mix in enumerate(mixes):
                 for column, factor in mix:
                     answer[:, k] += factor * numbers[:, at[column]]
@@ -236,17 +245,21 @@ class Roles:
 
 
 OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
-"""Third column of a position by its first two columns."""
+"""Third state column of a position, by the first two."""
 
 
 def _with_height(
     headers: Headers, options: ReadOptions, wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], str]:
-    """Return the state columns, and the header of left-out heights or a blank."""
+    """Return the state columns, perhaps with heights, and the header of heights that are left out.
+
+    `wanted` has the state columns without heights; `ReadOptions.heights` says if heights are added.
+    The header is blank if none are left out.
+    """
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
     of_boxes = headers.places("height") if headers.places("width") else []
     known = [k for k in headers.places(name) if k not in of_boxes] if name else []
-    column = next(iter(known), None)  # the first of several has the most usual name
+    column = next(iter(known), None)  # the most usual name
     if column is None:
         return wanted, ""
     if options.heights == "tell":
@@ -265,8 +278,9 @@ def find_roles(
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers belong to a format and cannot be renamed. If the table may be `wide`, the roles
-    are those of the table that `formats.frames.lengthened` returns.
+    With `fixed`, the headers are those of a format and cannot be renamed. With `wide`, each object
+    may have columns of its own: then roles are those of the table that `formats.frames.lengthened`
+    returns.
 
     Raises
     ------
@@ -365,7 +379,10 @@ def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
 
 
 def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the state columns of boxes; the user may only name these and the centre x, y."""
+    """Return the state columns of boxes.
+
+    An error is raised if the user named other columns than these and the centre x, y.
+    """
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
         raise ConfigError(
@@ -389,11 +406,11 @@ def _check_stamp(headers: Headers) -> None:
 
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
-"""Pattern of headers of classes, in each of which ids may also be numbered from the beginning."""
+"""Pattern of headers of classes; as in groups, ids may restart in each class."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
-    """Return all columns but the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
+    """Return the further columns, if the user mapped ids to several: ``id=CLUSTER+TRACK``."""
     whole = headers.mapped.get("id", "")
     parts = [part.strip() for part in whole.split("+")]
     if len(parts) < 2 or headers.spelt(whole, "id") is not None:
@@ -408,20 +425,23 @@ def _more_ids(headers: Headers) -> tuple[int, ...]:
 
 
 def _second_of_times(headers: Headers) -> int | None:
-    """Return the second column of ``t=DATE+TIME``; the first column stays mapped."""
+    """Return the second column, if the user mapped times to two: ``t=DATE+TIME``.
+
+    The first column stays mapped.
+    """
     first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
         return None
     position = headers.spelt(second, "t")
-    headers.mapped["t"] = second if position is None else first  # messages name a missing one
+    headers.mapped["t"] = second if position is None else first  # if missing, a message names it
     return position
 
 
 class _Mixes:
     """Quantities of a table: columns, or sums of edges and sizes of boxes.
 
-    A header that is equal to the name has priority. Then come boxes with plain names (left, top,
-    width, height), then aliases of the name, and last boxes that are found by aliases.
+    A quantity such as x is looked for in this order: a header that is equal to its name, boxes with
+    plain names (left, top, width, height), aliases of its name, and boxes with aliases.
     """
 
     def __init__(self, headers: Headers) -> None:
@@ -431,11 +451,18 @@ class _Mixes:
 
     @cached_property
     def box(self) -> dict[str, Mix]:
-        """Quantities of the box, with aliases only if needed, as these may be doubtful."""
+        """Quantities of the box.
+
+        Aliases of the names are tried only if plain names do not define a box, as it may be unclear
+        which column an alias means.
+        """
         return self.plain_box or _box(self.headers.find, self._centre)
 
     def _centre(self, axis: str) -> int | None:
-        """Return the column of the centre of boxes, if its header says centre or it is mapped."""
+        """Return the column of a coordinate of the centre of boxes, or None.
+
+        Its header says that it is a centre, or the user mapped it.
+        """
         column = self.headers.find(axis)
         known = axis in self.headers.mapped or (
             column is not None and CENTRE.search(self.headers.names[column])
@@ -444,11 +471,11 @@ class _Mixes:
 
     @property
     def doubts(self) -> Iterator[Notice]:
-        """Warning if x and y may be a corner of boxes or their centre."""
+        """Warning if it is not clear whether x and y are a corner of boxes or their centre."""
         place = [self.plainly(name) for name in ("x", "y")]
         if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
             return
-        with suppress(InputError):  # several headers may be a width or height, which is not needed
+        with suppress(InputError):  # raised if several headers fit
             size = [self.headers.find(name) for name in ("width", "height")]
             if None in size or self.box:
                 return
@@ -464,7 +491,11 @@ class _Mixes:
             )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
-        """Return the mix of a quantity; if the states have z, x is not the centre of a box."""
+        """Return a quantity, or None if the table lacks it.
+
+        If the user mapped edges of boxes, x and y are the centre of the box. But if the states have
+        z, other columns have priority: x and y themselves, then ``loc_x`` and ``loc_y``.
+        """
         column = self.plainly(name)
         if name in ("x", "y") and name not in self.headers.mapped and "z" not in states:
             mapped = not self.headers.mapped.keys().isdisjoint(EDGES)
@@ -476,7 +507,7 @@ class _Mixes:
         return self.box.get(name) if column is None else ((column, 1.0),)
 
     def of_region(self, name: str, states: Sequence[str]) -> Mix:
-        """Return the mix of a quantity that the filter by region compares."""
+        """Return a quantity that the filter by region compares."""
         mix = self.of(name, states)
         if mix is None:
             raise InputError(
@@ -487,9 +518,11 @@ class _Mixes:
         return mix
 
     def default_states(self) -> tuple[str, ...]:
-        """Return x, y, z as far as the table has them, else lat and lon, else the centres of boxes.
+        """Return the state columns to use if the user named none.
 
-        Boxes that the user maps have priority.
+        They are x, y, z as far as the table has them, else lat and lon, else the centres of boxes.
+        Boxes that the user maps have priority. If unknown positions are hidden and no others are
+        left, they are the columns ``loc_x``, ``loc_y`` and ``loc_z``.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
@@ -509,7 +542,10 @@ class _Mixes:
 def _class_column(
     headers: Headers, options: ReadOptions, missing: dict[str, str], *, fixed: bool
 ) -> int | None:
-    """Return the column of the classes if requested; add a message to `missing` if absent."""
+    """Return the column of the classes if classes are requested.
+
+    If the table lacks the column and another file may have it, add a message to `missing`.
+    """
     if options.classes is None and not options.by_class:
         return None
     klass = headers.find("class")
@@ -532,7 +568,7 @@ def _class_column(
 def _spread(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> "SpreadColumns | None":
-    """Return the columns of the covariances, or None."""
+    """Return the columns of the covariances, or None if the table has no covariances."""
     from tgospa_eval.formats.spread import find_spread  # lazy: most states are points
 
     namings = _namings(wanted, state, headers)
@@ -542,10 +578,11 @@ def _spread(
 def _namings(
     wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> Iterator[tuple[str, ...]]:
-    """Yield possible names of the states in headers of covariances: headers, then names.
+    """Yield the names that states may have in the headers of covariances.
 
-    If the name of a state is the header of another column, covariances of this name belong to that
-    column.
+    First are the headers of the states, as in ``cov_px_py``, then their names, as in ``cov_x_y``.
+    The names are left out if one is the header of another column, as the covariances then belong to
+    that column.
     """
     own = tuple(
         name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
@@ -567,7 +604,11 @@ CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
 def _box(
     find: Callable[[str], int | None], centre_of: Callable[[str], int | None]
 ) -> dict[str, Mix]:
-    """Return edges, sizes and centre of boxes; empty unless the columns define a box."""
+    """Return edges, sizes and centre of boxes by name; empty unless the columns define a box.
+
+    `find` returns the position of a column by name, and `centre_of` that of a coordinate of the
+    centre.
+    """
     box: dict[str, Mix] = {}
     for axis, begin, size, end in (
         ("x", "left", "width", "right"),
@@ -588,7 +629,7 @@ def _box(
 
 
 UNNAMED = "column 1 (blank header)"
-"""Name of a first column without a header: the index of pandas, or the row names of R."""
+"""Name for a first column without a header, which may be the index of pandas or row names of R."""
 
 
 def are_numbers(fields: Sequence[str]) -> bool:
@@ -609,7 +650,10 @@ def without_header(fields: Sequence[str], name: str, where: str) -> str:
 
 
 def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[str] | None:
-    """Return the column names of a table without a header; None if times are not among them.
+    """Return names for all columns of a table without a header.
+
+    The user names the first of them in order, by `columns`. If ``t`` is not among the names, the
+    result is None.
 
     Raises
     ------

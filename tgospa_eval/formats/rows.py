@@ -1,4 +1,4 @@
-"""Rows of a file before any are left out, which every reader returns."""
+"""All rows of a file, as readers return them, before any are left out."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
@@ -17,18 +17,18 @@ from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]
-"""Distinct texts in natural order, and the number of the text of each row."""
+"""Distinct texts in natural order, and for each row the index of its text among them."""
 
 NOT_CONSIDERED = "not considered"
-"""Rule that leaves out rows of the truth with the flag 0."""
+"""Name of the rule that leaves out rows of the truth with the flag 0."""
 
 AS_REGIONS = ("DontCare", "ignored regions", "others")
-"""Rules of KITTI and VisDrone whose rows are regions in which nothing is evaluated."""
+"""Names of the rules of KITTI and VisDrone for rows that are regions without evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """Rows of a file before any are left out.
+    """All rows of a file, before any are left out.
 
     Parameters
     ----------
@@ -41,21 +41,22 @@ class Rows:
     times : Times
         Time of each row.
     numbers : (R, n) float array
-        Columns `Roles.numbers`, finite, NaN where blank.
+        Values of the n columns `Roles.numbers`: finite numbers, or NaN where blank.
     where : callable
         Callable that returns the place of a row, for messages.
     classes : Numbered, optional
         Class of each row, if the roles have a column of classes.
     attributes : dict of int to (R,) array
-        Columns `Roles.texts`.
+        Values of the columns `Roles.texts`, by the position of the column.
     weight_fault : str, optional
-        Message about wrong texts of weights, which is an error only if weights are needed.
+        Message about weights that are not numbers. It is raised only if weights are needed.
     excluded : dict of str to (R,) bool array and str
-        Rows that the format leaves out, by its rule, and the message about these rows.
+        Rows that the format leaves out, and the message about them, by the name of the rule.
     warnings : tuple of Notice
         Warnings about the rows.
     read_as : callable, optional
-        Callable that returns a time as it is in the files, if the side is read in parts.
+        Callable that converts a time to its text or number in the file. It is given only if the
+        rows are one part of the file, see `whole`.
     """
 
     name: str
@@ -73,7 +74,7 @@ class Rows:
 
     @property
     def whole(self) -> bool:
-        """True if the side is not read in parts."""
+        """True if these are all rows of the file, False if the file is read in parts."""
         return self.read_as is None
 
     def quoted_id(self, row: int) -> str:
@@ -91,7 +92,10 @@ class Rows:
 def rows_by_components(
     component: Callable[[int], Floats], times: Sequence[int] | Ints, roles: Roles, **more: Any
 ) -> Rows:
-    """Build rows; `component` returns a column by number, `more` are parameters of `Rows`."""
+    """Build rows from a function that returns the values of a column.
+
+    `component` receives the position of the column. `more` are further parameters of `Rows`.
+    """
     numbers = np.empty((len(times), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         numbers[:, k] = component(column)
@@ -105,7 +109,7 @@ def rows_by_components(
 
 
 def number_ids(ids: Sequence[str]) -> Numbered:
-    """Return the distinct ids in natural order (2 before 10), and the number of each row's id."""
+    """Return the distinct ids in natural order (2 before 10), and the index of each id of `ids`."""
     numbering: dict[str, int] = {}
     number = np.array([numbering.setdefault(text, len(numbering)) for text in ids], np.int64)
     names = np.array([*numbering], dtype=object)
@@ -116,7 +120,10 @@ def number_ids(ids: Sequence[str]) -> Numbered:
 
 
 def natural_order(names: NDArray[Any]) -> Ints:
-    """Argsort distinct texts by `natural`; whole numbers are sorted by NumPy, ten times as fast."""
+    """Return the indices that sort distinct texts by `natural`.
+
+    If all texts are whole numbers, NumPy sorts them, which is ten times as fast.
+    """
     joined = "".join(names)
     if joined.isascii() and joined.isdigit() and "" not in names and max(map(len, names)) < 19:
         whole = names.astype(np.int64)
@@ -128,7 +135,10 @@ def natural_order(names: NDArray[Any]) -> Ints:
 
 
 def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
-    """Return the distinct names in natural order, and the number of the name of each row."""
+    """Return the distinct names of a column in natural order, and the index of each row's name.
+
+    `name` converts a text to a name.
+    """
     table, number = number_ids([name(text) for text in column.distinct])
     return table, number[column.code]
 
@@ -139,7 +149,10 @@ def name_objects() -> str:
 
 
 def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:
-    """Return the ids of one column, or of several joined; an id is blank if a part is blank."""
+    """Return the ids in one column, or in several columns joined by a slash.
+
+    A joined id is blank if one of its parts is blank.
+    """
     whole = columns[0]
     for column in columns[1:]:
         distinct, code = np.unique(
@@ -166,7 +179,7 @@ def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
 
 
 def blanks(column: Numbered) -> Ints:
-    """Return the positions of the rows without a name."""
+    """Return the positions of the rows whose name is blank."""
     table, number = column
     names = table.tolist()  # a list is searched ten times as fast
     return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

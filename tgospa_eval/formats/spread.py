@@ -1,7 +1,8 @@
-"""Columns of covariances: the entries that headers mean, and the matrices of the rows.
+"""Columns of covariances: which entry a header means, and the matrices of the rows.
 
-Headers are `cov_xx`, `cov_xy`, `cov_yy` (longer names with an underscore, `cov_x_vx`) or `std_x`,
-`std_y`, `rho_xy`. `SPELLINGS` has other usual headers. `tracks.covariances` checks the matrices.
+Headers are `cov_xx`, `cov_xy`, `cov_yy` or `std_x`, `std_y`, `rho_xy`. Longer names have an
+underscore between them, as in `cov_x_vx`. `SPELLINGS` has other usual headers. `tracks.covariances`
+checks the matrices.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from tgospa_eval.quoting import option
 from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
 
 BEYOND = 1e-3
-"""Excess of a correlation over 1 that may be rounding in a file."""
+"""Largest excess of a correlation over 1 that is taken for rounding in a file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +30,10 @@ class SpreadColumns:
     names : tuple of str
         State columns.
     entries : tuple of tuple of int
-        Columns of each entry of the lower triangle, row by row: none, one, or two if the table has
-        both symmetric entries.
+        Positions of the columns of each entry of the lower triangle, row by row. An entry has no
+        column, one, or two if the table has both symmetric entries.
     spelling : int
-        Spelling of the headers, a position in `SPELLINGS`.
+        Spelling of the headers, as an index in `SPELLINGS`.
     """
 
     names: tuple[str, ...]
@@ -41,7 +42,7 @@ class SpreadColumns:
 
     @property
     def deviations(self) -> bool:
-        """True if the columns are standard deviations and correlations."""
+        """True if the columns have standard deviations and correlations instead of covariances."""
         return SPELLINGS[self.spelling][2]
 
     @property
@@ -51,26 +52,28 @@ class SpreadColumns:
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Columns that are read, of all entries."""
+        """Positions of the columns of all entries."""
         return tuple(column for entry in self.entries for column in entry)
 
     def labels(self) -> list[tuple[int, int, str]]:
-        """Return the row, column and name of each entry."""
+        """Return row, column and usual header of each entry of the lower triangle."""
         return list(entries(self.names, self.spelling))
 
     @property
     def absent(self) -> list[str]:
-        """Names of the entries without a column, which are 0."""
+        """Usual headers of the entries without a column; these entries are 0."""
         named = zip(self.labels(), self.entries, strict=True)
         return [label for (_, _, label), entry in named if not entry]
 
 
 First = Callable[[Mask], tuple[int, str, str]]
-"""Callable that returns position and place of the first wrong row, and the number of others."""
+"""Callable that receives a mask of wrong rows.
+
+It returns the position of the first of them, its place for messages, and words for the others."""
 
 
 NAMED, NUMBERED = 1, 2
-"""Positions in `SPELLINGS` of Pxx, Pxy, Pyy and of P11, P12, P22."""
+"""Indices in `SPELLINGS` of Pxx, Pxy, Pyy and of P11, P12, P22."""
 
 SPELLINGS = (
     (("cov_{0}{1}", "cov_{0}_{1}"), ("cov_{0}{1}", "cov_{0}_{1}", "var_{0}"), False),
@@ -78,13 +81,15 @@ SPELLINGS = (
     (("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), ("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), False),
     (("rho_{0}{1}", "rho_{0}_{1}"), ("std_{0}", "sigma_{0}"), True),
 )
-"""Headers of covariances in order of priority: headers off the diagonal, headers on the diagonal,
-and whether the latter are standard deviations. {0} and {1} are state columns, {2} and {3} their
-numbers from 1. Only names of one letter are joined without an underscore."""
+"""Headers of covariances, in order of priority.
+
+Each spelling has headers off the diagonal, headers on the diagonal, and True if the latter are
+standard deviations. {0} and {1} are names of state columns, {2} and {3} their numbers from 1. Only
+names of one letter are joined without an underscore."""
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
-    """Return the headers of an entry of a covariance, the usual header first."""
+    """Return the headers that an entry of a covariance can have; the usual one is first."""
     beside, diagonal, _ = SPELLINGS[spelling]
     headers = []
     for i, j in dict.fromkeys([(first, second), (second, first)]):
@@ -97,7 +102,7 @@ def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> l
 
 
 def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int, str]]:
-    """Yield the row, column and usual header of each entry of the lower triangle, row by row."""
+    """Yield row, column and usual header of each entry of the lower triangle, row by row."""
     for i in range(len(names)):
         for j in range(i + 1):
             yield i, j, spelt(j, i, names, spelling)[0]
@@ -108,9 +113,9 @@ def find_spread(
 ) -> SpreadColumns | None:
     """Find the columns of the covariances of these state columns; None if there are none.
 
-    The first spelling of `SPELLINGS` that the table has is used. Entries by number belong to the
-    states only if the states are in the order of the table, and no entry has a higher number.
-    `find` returns the position of a header.
+    The first spelling of `SPELLINGS` that the table has is used. Numbered entries, such as P12, are
+    used only if the state columns are in the order of the table, and if no number is larger than
+    the number of state columns. `find` returns the position of a header.
 
     Raises
     ------
@@ -156,7 +161,7 @@ def covariances_of(
     missing: str,
     fix: bool,
 ) -> tuple[Floats, list[Notice]]:
-    """Return the covariances of the rows as lower triangles (R, d (d + 1) / 2), and notices.
+    """Return the covariances of R rows as lower triangles (R, d (d + 1) / 2), and notices.
 
     Parameters
     ----------
@@ -169,7 +174,7 @@ def covariances_of(
     spread : SpreadColumns
         Columns of the entries.
     missing : {"error", "zero"}
-        Whether a row without a covariance is an error or a point.
+        What a row without a covariance is: an error or a point.
     fix : bool
         Whether to replace an invalid covariance by the nearest valid matrix.
 
@@ -180,7 +185,7 @@ def covariances_of(
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Return position and place of the first wrong row, and the number of others."""
+        """Return position and place of the first wrong row, and words for the others."""
         at = np.flatnonzero(wrong)
         position = int(at[np.argmin(row[at])])
         return position, where(int(row[position])), more(len(at))
@@ -206,7 +211,7 @@ def covariances_of(
             packed[k] = _entry(k, values, spread, without, first)
     if spread.deviations:
         packed = _products(packed, spread, first, fix=fix)
-    order = np.argsort(row, kind="stable")  # messages name the first row of the file
+    order = np.argsort(row, kind="stable")  # messages name the first in the file
     packed[:, order], changed = accept(
         packed[:, order], lambda k: where(int(row[order[k]])), fix=fix
     )
@@ -214,7 +219,7 @@ def covariances_of(
 
 
 def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> Mask:
-    """Return which rows have no covariance.
+    """Return a mask of the rows that have no covariance.
 
     Raises
     ------
@@ -244,7 +249,10 @@ def _entry(
     without: Mask,
     first_of: First,
 ) -> Floats:
-    """Return the k-th entry of the lower triangles; if it has two columns, their mean.
+    """Return the k-th entry of the lower triangles of all rows.
+
+    If the entry has two columns, it is their mean. `without` is the mask of rows without a
+    covariance.
 
     Raises
     ------
@@ -270,7 +278,10 @@ def _entry(
 
 
 def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:
-    """Compute covariances from deviations and correlations; `fix` allows any correlation."""
+    """Compute covariances from standard deviations and correlations.
+
+    With `fix`, correlations may be beyond -1 and 1, as the matrices are repaired later.
+    """
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
         low, high = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)

@@ -19,7 +19,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
     """Format as CSV ``id,t,...``, with covariances after the states; doubles are read back exactly.
 
-    Clouds have a row for each particle, with its ``weight`` before the state.
+    A cloud has a row for each particle, with its ``weight`` before the state.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    # Python numbers have the shortest exact texts.
+    # Python writes a float with the fewest digits that are read back exactly.
     writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     return text.getvalue()
 
@@ -71,7 +71,7 @@ TABLES: dict[str, Callable[[Trajectories], bytes]] = {
     ".pq": parquet_bytes,
     ".npz": npz_bytes,
 }
-"""Writers of tables by the end of the name of the file."""
+"""Writers of tables by the ending of the file."""
 
 
 def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
@@ -97,10 +97,10 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:
-    """Format as MOTChallenge: ``frame,id,left,top,width,height`` and further fields of the role.
+    """Format as MOTChallenge: ``frame,id,left,top,width,height`` and further fields.
 
-    Truth has the flag 1, class 1 (pedestrian) and visibility 1. An estimate has score 1 and three
-    unused fields -1.
+    The truth has flag 1, class 1 (pedestrian) and visibility 1 in further fields. An estimate has
+    score 1, and -1 in three unused fields.
 
     Raises
     ------
@@ -115,11 +115,13 @@ def motchallenge_text(trajectories: Trajectories, role: str) -> str:
 
 
 def kitti_text(trajectories: Trajectories, role: str) -> str:
-    """Format as KITTI tracking labels: class Car and the image box; other fields are unknown.
+    """Format as KITTI tracking labels, with class Car and the image box.
 
-    The fields are ``frame id type truncated occluded alpha left top right bottom`` with six
-    decimals, then dimensions -1, location -1000 and rotation -10, which mean "unknown" in KITTI.
-    In an estimate truncated and occluded are also unknown (-1), and the last field is the score 1.
+    The fields are ``frame id type truncated occluded alpha left top right bottom``, then three
+    dimensions, three coordinates of the location, and the rotation. The box has six decimals.
+    Fields that are not known have the values that mean "unknown" in KITTI: alpha -10, dimensions
+    -1, location -1000 and rotation -10. Truncated and occluded are 0 in the truth, and unknown (-1)
+    in an estimate. The last field of an estimate is the score 1.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
         raise InputError(
             f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
         )
-    # Python numbers have the shortest exact texts.
+    # Python writes a float with the fewest digits that are read back exactly.
     ids, times = trajectories.ids.tolist(), trajectories.shown.tolist()
     for step, track, state in zip(
         trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True

@@ -1,7 +1,8 @@
 """Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
-The proven order holds for these files, and the statistical order is about similar files. The page
-and the pictures are made from the tables in this module.
+A group has all jobs with the same value of some labels, such as all jobs of a tracker. The proven
+order of groups is about the evaluated files, and the statistical order is about similar files. The
+page and the pictures are made from the tables in this module.
 """
 
 import itertools
@@ -40,11 +41,11 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""Kinds of curves. They differ in the cost of a run at time t, under the root mean square.
+"""Kinds of curves with their names. A curve at time t is the root of the mean of a cost over runs.
 
-``step``: the cost of the step at t. ``cumulative``: the sum of the costs up to t, divided by the
-number of steps of the horizon up to t. ``growing``: the same, with costs from an evaluation of the
-steps up to t alone.
+For ``step``, it is the cost of the step at t. For ``cumulative``, it is the sum of the costs up to
+t, divided by the number of steps of the horizon up to t. ``growing`` is like ``cumulative``, but
+the costs come from an evaluation of only the steps up to t.
 """
 
 LINE_NAMES = {
@@ -61,7 +62,7 @@ LINE_NAMES = {
     "detection_rate": "detection rate",
     NEES: "NEES",
 }
-"""Names of the lines of a curve, as in papers."""
+"""Displayed names of the lines of a curve, as papers use them."""
 
 BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
 
@@ -71,49 +72,52 @@ BANDS: Mapping[BandKind, str] = {
     "percentiles": "the 2.5th to the 97.5th percentile of the runs",
     "deviation": "plus and minus one standard deviation of the runs",
 }
-"""Descriptions of bands around curves; the first is the default."""
+"""Kinds of bands around curves, with descriptions. The first kind is the default."""
 
 POINT_COLUMNS = (
     *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
     *(f"{part}{end}" for part in PARTS for end in ("", "_low", "_high")),
 )
-"""Columns of a table with a row for each time."""
+"""Columns of the table of a curve, which has a row for each time."""
 
 KIND_COLUMN = "curve"
-"""Column between the labels and `POINT_COLUMNS` in a table with several curves."""
+"""Name of the column with the kind of a curve, if a table has several curves."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
-"""Lower and upper ends of a band at each time; None if too few runs count at that time."""
+"""Lower and upper ends of a band at each time; None if too few runs have a value there."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RmsCurve:
-    """RMS curve of the runs of a group over the K times at which any run has a step.
+    """Root mean square of the costs of the runs of a group, over time.
+
+    There are K times: those at which at least one run has a step.
 
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group, and its parameters if those differ in the batch. No name is
-        that of a column.
+        Labels of the group. Parameters that differ in the batch are added. No label or parameter
+        has the name of a column of `table`.
     kind : str
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
         Times as they were read, in order.
     runs : sequence of int
-        Number of runs that count at each time.
+        Number of runs over which the mean is taken, at each time.
     rms : mapping of str to sequence of float
-        Root mean squares at the K times, in state units: ``total``, and the parts by name. Curves
-        of the kind ``step`` also have ``gospa`` and ``gospa.PART``.
+        Lines of the curve by name: K values each, in state units. The names are ``total`` and the
+        parts. Curves of the kind ``step`` also have ``gospa`` and ``gospa.PART``.
     bands : mapping of str to pair of sequence of float
-        Band around each line; empty if there are too few runs.
+        Band around each line, by the same names; empty if there are too few runs.
     bounds : pair of sequence of float, optional
-        Proven bounds of the values; None if the costs are of one assignment.
+        Proven lower and upper bounds of the line ``total``. None if the costs are parts of the cost
+        of one assignment, which has no bounds at each time.
     band : str
         Kind of the bands, one of `BANDS`.
     means : mapping of str to sequence of float
-        Means at each time, for curves of the kind ``step``: of ``truth_states`` and
-        ``estimate_states`` of a run, and of ``detection_rate`` and ``nees`` over all runs. They are
-        NaN at times without a value.
+        Further lines of curves of the kind ``step``, with K means each: ``truth_states`` and
+        ``estimate_states`` are means over the runs, ``detection_rate`` and ``nees`` are over all
+        states of all runs. They are NaN at times without a value.
     """
 
     group: Mapping[str, str]
@@ -127,7 +131,7 @@ class RmsCurve:
     means: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def values(self, name: str) -> Sequence[float]:
-        """Return a line of the curve, costs or means."""
+        """Return the K values of the line `name`, from `rms` or `means`."""
         return self.rms[name] if name in self.rms else self.means[name]
 
     @property
@@ -136,13 +140,13 @@ class RmsCurve:
         return "/".join(self.group.values())
 
     def top(self, name: str) -> float:
-        """Return the largest value of a line with its band."""
+        """Return the largest value of a line and of its band."""
         ends = self.bands[name][1] if name in self.bands else ()
         known = [value for value in self.values(name) if value == value]
         return max((*known, *(end for end in ends if end is not None)), default=0.0)
 
     def table(self) -> Columns:
-        """Return a row for each time."""
+        """Return the curve as a table with a row for each time."""
         size = len(self.times)
         none = [None] * size
         each = {
@@ -162,9 +166,9 @@ class RmsCurve:
 def on_one_axis(
     curves: Sequence[RmsCurve],
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
-    """Return the common time axis of all curves, the positions of each curve on it, and its ends.
+    """Return one time axis for all curves, the positions of each curve on it, and the axis limits.
 
-    If times are of several kinds, they have no order, and the axis shows numbers of steps.
+    Times of several kinds, such as dates and numbers, have no order. Then the axis counts steps.
     """
     try:
         positions = places([curve.times for curve in curves])
@@ -198,7 +202,7 @@ def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
 
 
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
-    """Return all curves, each with its points."""
+    """Return all curves as JSON objects, each with its points."""
     return [
         {
             "by": dict(curve.group),
@@ -219,25 +223,27 @@ MAX_LINES = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """Ranking of all values of a label, in the order of `combined`.
+    """Ranking of the values of a label, such as all trackers.
+
+    Their order is that of ``combined``: the p-th root of the sum of the totals of all jobs.
 
     Parameters
     ----------
     label : str
         Name of the label.
     entries : list of dict
-        The entries, best first. Each has its ``name``, its proven ``place`` (best and worst
-        possible), lower and upper bounds of ``combined`` and ``per_step``, and parts by name. It
-        also has ``confidence``, the 95 % interval of `combined`, and ``statistical_place``; both
-        are None if there are too few pairs.
+        An entry for each ranked value of the label, best first. Each has its ``name``, its proven
+        ``place`` (best and worst possible), lower and upper bounds of ``combined`` and
+        ``per_step``, and parts by name. It also has ``confidence``, the 95 % interval of
+        ``combined``, and ``statistical_place``; both are None if there are too few pairs.
     comparisons : list of dict
         All pairs of entries; the ``first`` has the smaller value. Each has the proven ``verdict``
-        and the proven bounds of the ``difference`` of `combined`. It also has the ends ``lower``
+        and the proven bounds of the ``difference`` of ``combined``. It also has the ends ``lower``
         and ``upper`` of the 95 % interval of the difference, ``p_value``, ``p_holm`` and
         ``significant``, which are None if there are too few pairs in the statistics.
     jobs, all_jobs : int
-        `jobs` is the number of compared jobs of each entry. `all_jobs` is the number of jobs for
-        which any entry has a value.
+        `jobs` is the number of jobs that all entries have; only these are compared. `all_jobs` is
+        the number of jobs for which at least one entry has a value.
     pairs : int
         Number of pairs in the statistics. A pair has the values of two entries for one truth, or
         for one job if there is only one truth.
@@ -246,13 +252,13 @@ class Ranking:
     permutations : int
         Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Seed of the permutations, if these are random and not all.
+        Seed of the permutations, if they are drawn at random because there are too many for all.
     order : float
         The order p.
     parameters : mapping of str to float or str
         Parameters of this ranking that differ in the batch.
     left_out : tuple of str
-        Names for which no job has a value.
+        Values of the label that are not ranked, because none of their jobs has a value.
     """
 
     label: str
@@ -275,7 +281,10 @@ class Ranking:
 
     @property
     def p_values(self) -> list[float | None]:
-        """P value of the difference to the first entry; NaN for itself, None for too few pairs."""
+        """P value of the difference to the first entry, for each entry.
+
+        It is NaN for the first entry itself. All are None if there are too few pairs.
+        """
         if not self.permutations:
             return [None] * len(self.entries)
         best = self.entries[0]["name"]
@@ -295,38 +304,41 @@ class Ranking:
 
     @property
     def population(self) -> str:
-        """The population that a statistical conclusion is about."""
+        """Subject of a statistical conclusion: other runs of the scene, or other scenes."""
         return "other runs of this scene" if self.truths == 1 else "other scenes"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:
-    """All tables and facts of a batch that are shown.
+    """Everything that reports of a batch show.
 
     Parameters
     ----------
     rows : DataFrame
-        A row for each job.
+        Jobs, one per row.
     groups : DataFrame
-        A row for each group.
+        Groups, one per row.
     by : tuple of str
         Labels that define a group; values of the first label are compared.
     parameters : tuple of str
-        Parameters that differ between jobs, and so between groups.
+        Parameters of the metric that differ in the batch. Jobs with different values of them are in
+        different groups.
     rankings : tuple of Ranking
-        One for each set of parameters.
+        A ranking for each set of values of the `parameters`.
     notes : tuple of str
-        Reasons for missing rankings, and sources of settings.
+        Sentences: warnings, reasons for missing rankings, and sources of settings.
     slices : mapping of int to list of Slicing
-        Costs split by attributes, summed over the jobs of a group, by the number of its row.
+        Costs of a group split by attributes, summed over its jobs. The key is the index of its row
+        in `groups`.
     curves : tuple of RmsCurve
-        Curves over the steps of runs, if the steps are stored.
+        Curves over time; empty if the steps of the runs are not stored.
     settings : mapping of str to object
         Inputs and options of the evaluation, for the page and pictures.
     link : callable
-        Function that receives a row and returns the path of its report, or an empty text.
+        Function that receives the row of a job and returns the path of its report, or an empty
+        text.
     columns : tuple of str
-        Requested columns of the study table, if any.
+        Requested columns of the study table; empty for the default.
     """
 
     rows: "pd.DataFrame"
@@ -343,7 +355,7 @@ class BatchTables:
 
     @property
     def order(self) -> float | None:
-        """Order p, if all jobs have the same."""
+        """Order p, if it is the same for all jobs."""
         known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
         return float(*known) if len(known) == 1 else None
 
@@ -356,14 +368,14 @@ class BatchTables:
 
     @property
     def heads(self) -> dict[str, str]:
-        """Columns of `groups` that distinguish the groups, with their displayed names."""
+        """Displayed name of each column of `groups` that distinguishes groups, by column."""
         headings = {
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
         return headings | {name: name for name in self.parameters}
 
     def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
-        """Return the labels that distinguish a row of the groups."""
+        """Return the labels and parameters of a row of `groups`, as texts."""
         return tuple(value_in_words(row[name]) for name in self.heads)
 
     @property
@@ -382,7 +394,7 @@ class BatchTables:
         return self.rows[f"label.{label}"].fillna("").astype(str)
 
     def name_of(self, row: "pd.Series[Any]") -> str:
-        """Return the labels of a job, and its own options."""
+        """Return a name for a job: its labels, and the options that only it has."""
         own = json.loads(str(row["options"]))
         texts = [str(row[f"label.{name}"]) for name in self.labels]
         texts += [f"{key}={value}" for key, value in own.items()]
@@ -393,14 +405,14 @@ class BatchTables:
         return f"{number(value, digits)} {self.unit}" if self.unit else number(value, digits)
 
     def between(self, value: Interval, digits: int = 6) -> str:
-        """Return a value, or both ends if they differ."""
+        """Format the bounds of a value: one number, or both bounds if they differ visibly."""
         if value.upper - value.lower <= study_table.NARROW * value.upper:
             return self.quantity(value.upper, digits)
         return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
 
     @cached_property
     def compared(self) -> dict[str, int]:
-        """Values of the first label, ranked ones first, each with the number of its colour."""
+        """Values of the first label, ranked ones first, each with the index of its colour."""
         names = [entry["name"] for ranking in self.rankings for entry in ranking.entries]
         if self.by:
             names += sorted(self.values_of(self.by[0]).unique())
@@ -410,10 +422,11 @@ class BatchTables:
     def shown_groups(self) -> list[Json]:
         """All groups, in the order of the ranking.
 
-        Each has its ``name`` and the number of its colour (``track``). ``jobs`` is the number of
+        Each has its ``name`` and the index of its colour (``track``). ``jobs`` is the number of
         jobs with a value, and ``expected`` the number of all jobs. ``per_step`` and ``rms`` are
-        pairs of bounds. ``costs`` are per step, by part. ``parameters`` are those that differ in
-        the batch; costs of different parameters cannot be compared.
+        intervals. ``costs`` has the cost per step of each part, and ``cost`` their sum.
+        ``parameters`` has the values of the parameters that differ in the batch. Costs of groups
+        with different values of them cannot be compared.
         """
         groups, names = self.groups, list(self.heads)
         if self.by and len(groups):
@@ -440,7 +453,10 @@ class BatchTables:
 
     @cached_property
     def heat(self) -> Json | None:
-        """Table with values of the first label across, and of the second or another label down."""
+        """Table of `heat_of`, or None if the jobs have fewer than two labels.
+
+        Its columns are the values of the first label. Its rows are those of the second label.
+        """
         labels = [*self.by, *(name for name in self.labels if name not in self.by)]
         if len(labels) < 2:
             return None
@@ -449,11 +465,11 @@ class BatchTables:
 
     @cached_property
     def plotted_curves(self) -> list[tuple[int, RmsCurve]]:
-        """Curves of the first groups, each with the number of its colour."""
+        """Curves of the first `MAX_LINES` groups, each with the index of its colour."""
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
-        # Colours are those of the ranking, unless several lines would then have the same colour.
+        # A group has the colour of its first label, as elsewhere, if each group has its own.
         one_line_each = len(set(first.values())) == len(names)
         track = {
             name: self.compared.get(first[name], k) if one_line_each else k
@@ -473,28 +489,32 @@ def value_in_words(value: object) -> str:
 
 
 def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
-    """Format a set of parameters that differ in the batch, in a line."""
+    """Format parameters and their values on one line."""
     return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
 
 
 def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Interval:
-    """Return both bounds of a value of a group."""
+    """Return the bounds of the value `name` from a row of the groups."""
     return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
 
 
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
-    """Return both bounds of a value in a row of a ranking; the upper bound is the value."""
+    """Return the bounds of the value `name` from an entry of a ranking.
+
+    There, ``name`` itself is the upper bound, and ``name_lower`` the lower bound.
+    """
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
 # -------------------------------------------------------------------------------------------------
-# The table of jobs, side by side.
+# The table of all jobs, with values of one label across and of another label down.
 
 TABLE_ROWS = 60
-"""Largest number of rows of a table with numbers; larger tables have squares."""
+"""Largest number of rows of a table with numbers. Larger tables have coloured squares instead."""
 
 MAX_SQUARES = 1000
-"""Largest number of squares in each column; those with the highest costs are shown."""
+"""Largest number of rows of a table. Of more rows, those with failed jobs or the largest values are
+shown."""
 
 MAX_COLUMNS = 12
 
@@ -510,7 +530,7 @@ def heat_of(
     link: Callable[[Mapping[Any, Any]], str],
     parameters: Sequence[str] = (),
 ) -> Json:
-    """Return jobs side by side as a table of squares or numbers.
+    """Return a table of the jobs with a cell for each pair of values of two labels.
 
     Parameters
     ----------
@@ -523,8 +543,8 @@ def heat_of(
     link : callable
         Function that receives a row and returns the path of its report, or an empty text.
     parameters : sequence of str
-        Columns of parameters that differ between rows. Costs of different parameters are not added.
-        The names of the rows of the table contain the parameters.
+        Parameters that differ between jobs. Costs with different values of them are not added, but
+        are in different rows, whose names contain these values.
 
     Returns
     -------
@@ -533,20 +553,21 @@ def heat_of(
         label down, and ``columns`` those of the label across. ``hidden_rows`` counts the rows left
         out, which have the smallest values. ``hidden_columns`` counts the columns left out at the
         end. ``squares`` is true if there are too many rows for numbers. ``ends`` are the smallest
-        and the largest value, if any. ``scales`` counts the sets of parameters: shades lie between
-        the smallest and the largest value of the same set.
+        and the largest value, or None without values. ``scales`` counts the sets of parameters:
+        each set has its own scale of shades, from its smallest to its largest value.
 
-        ``cells`` are by row and column, None without a job. A cell has both bounds of TGOSPA per
-        step as ``value``, which is None if all ``jobs`` have ``failed``. ``text`` is the value as
-        text, or "failed". ``level`` is its shade from 0. ``link`` is the path of the report of a
-        single job. ``best`` is whether no other cell of the row can be better or equal.
+        ``cells`` is a list of rows of cells; a cell without a job is None. In a cell, ``jobs``
+        counts its jobs, and ``failed`` those that failed. ``value`` has both bounds of TGOSPA per
+        step, or None if all jobs failed. ``text`` is the value as text, or "failed". ``level`` is
+        the index of its shade, 0 for the smallest value. ``link`` is the path of the report if the
+        cell has a single job. ``best`` is true if the value is proven to be the best of its row.
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
         values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
         down = down + f" {name}=" + values
     shown = list(columns)[:MAX_COLUMNS]
-    # Columns of values are missing if all jobs failed.
+    # If all jobs failed, `rows` lacks the columns of values.
     rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
     jobs = rows.assign(_row=down, _column=across)[across.isin(shown)]
     sets = jobs.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
@@ -565,7 +586,8 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # If there are many rows, failed jobs come first, then the largest values of their set.
+    # Which rows are kept: first those with failed jobs, then those with the largest values,
+    # relative to the largest value of the same set of parameters.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
@@ -615,7 +637,7 @@ def heat_of(
 
 
 def slice_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield tables of costs of the groups split by attributes, if requested."""
+    """Yield a table for each attribute by which the costs of groups are split, if requested."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
@@ -626,7 +648,7 @@ def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequen
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Return slices of the groups as columns, labels first; no columns if there are no slices."""
+    """Return the slices of all groups as one table, labels first; an empty one without slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -648,14 +670,14 @@ def about_slices_of(tables: BatchTables) -> Iterator[str]:
 # Tables of a batch for programs: CSV and JSON.
 
 STORED = "slices"
-"""Column with the slices of each job, as text."""
+"""Column with the slices of each job, as a JSON text."""
 
 THRESHOLDS = ".at."
-"""Infix of columns with a list in each row: a number for each threshold of HOTA."""
+"""Part of the names of columns whose values are lists: one number for each threshold of HOTA."""
 
 
 def batch_columns(tables: BatchTables) -> Columns:
-    """Return a row for each job."""
+    """Return a table with a row for each job."""
     return {
         str(name): [value if value == value else None for value in column.tolist()]
         for name, column in tables.rows.items()
@@ -699,7 +721,7 @@ def _of_jobs(ranking: Ranking) -> dict[str, object]:
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """Return rows as plain values, without missing ones."""
+    """Return rows as JSON objects, without missing values."""
     return [
         {
             str(name): _plain(str(name), value)
@@ -717,7 +739,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def document(tables: BatchTables) -> table_text.Document:
-    """Return the document of the tables by groups and of the rankings."""
+    """Return the report of a batch: tables with a row for each group, and its rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return table_text.Document(
@@ -742,12 +764,15 @@ def _warns(note: str) -> bool:
 
 
 def of_expected(jobs: int, expected: int) -> str:
-    """Return the number of jobs with a value, and of all jobs if one is missing."""
+    """Format the number of jobs with a value; "3 of 4" if some of all jobs have none."""
     return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
 
 
 def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the study, the costs of a run, and rankings if they have fewer jobs or labels."""
+    """Yield the table of the study, the table of costs per run, and perhaps one of rankings.
+
+    Rankings have their own table if they are over fewer jobs than the groups, or by fewer labels.
+    """
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
     rank = {own: k for k, own in enumerate(places)}
@@ -800,7 +825,11 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 
 
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
-    """Return the ranking (best first), entry and p value of each group ranked on all its jobs."""
+    """Return the ranking, entry and p value of each group, best first.
+
+    The result is empty if rankings are not about the groups: groups have several labels, or a
+    ranking leaves out jobs.
+    """
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
     return {(one[1]["name"], *one[0].parameters.values()): one for one in _ranked(tables)}
@@ -836,7 +865,7 @@ def _study_row(
 
 
 def _parameters(tables: BatchTables) -> Json:
-    """Return parameters that all jobs share."""
+    """Return the parameters that have the same value in all jobs."""
     if "parameters" not in tables.rows:
         return {}
     first, *rest = map(json.loads, tables.rows["parameters"].dropna().unique())
@@ -848,7 +877,7 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Return rows with the same jobs that differ only in the ranked label."""
+    """Return groups of row indices: rows with the same jobs that differ only in the first label."""
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
@@ -858,7 +887,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 
 def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield other metrics of the groups, if requested."""
+    """Yield the tables of other metrics and of covariances of the groups, if requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
     other = list(result_text.other_records(rows))
@@ -869,12 +898,12 @@ def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
-    """Return the groups in which any job has a value."""
+    """Return the rows of groups in which at least one job has a value."""
     return [row for row in tables.groups.to_dict("records") if row["jobs"]]
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
-    """Yield a sentence each for the proven and the statistical order."""
+    """Yield a sentence about the proven order, then one about the statistical order."""
     entries, where = ranking.entries, _where(ranking)
     jobs = f"{counted(ranking.jobs, 'job')} each"
     if ranking.jobs < ranking.all_jobs:
@@ -895,7 +924,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """Return the parameters of a ranking as a prefix, if there are several sets of parameters."""
+    """Return the parameters of a ranking as begin of a sentence; blank if they do not differ."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 

@@ -1,6 +1,7 @@
-"""List of all pictures: the function that draws each, by kind of subject, and their files.
+"""List of all pictures that can be drawn of a result, a comparison, a batch and so on.
 
-matplotlib is imported when the first picture is drawn.
+The drawn thing is called the subject of the picture. matplotlib is imported when the first picture
+is drawn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,14 +23,17 @@ if TYPE_CHECKING:
 
 
 class Chart(NamedTuple):
-    """Picture, drawn by a function of its subject and a `Style`: None if there is no content."""
+    """One kind of picture, and the function that draws it.
+
+    The function receives the subject and a `Style`. It returns None if there is nothing to draw.
+    """
 
     draw: str
-    """Module of this folder and function."""
+    """The function, as ``module:function`` with a module of this folder."""
     options: tuple[str, ...] = ()
-    """Fields of `Pictures` that the function also receives."""
+    """Names of fields of `Pictures` that the function receives as well."""
     absent: str = ""
-    """Reason why there is no picture."""
+    """Message if there is nothing to draw: the reason and what to do."""
 
 
 _PARTS = ("parts",)
@@ -84,23 +88,24 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "page of a batch": _CURVES,
     "page of a gate": {"runs": Chart("several:draw_runs")},
 }
-"""Pictures by kind of subject and name of file; data in parts have no pictures of tracks."""
+"""For each kind of subject: its pictures by the name of their file. Results of data in parts lack
+the pictures with single tracks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Requested pictures, with checked names.
+    """Options of pictures, whose names are checked.
 
     Parameters
     ----------
     formats : tuple of str
-        Formats, from `FILES`; empty for no pictures.
+        Formats of files, keys of `FILES`; empty for no pictures.
     style : str
-        Style, from `STYLES`.
+        Style, a key of `STYLES`.
     components : sequence of str, optional
-        Parts of the cost; all by default.
+        Parts of the cost to draw; all by default.
     columns : pair of str, optional
-        Columns across and up in the plane.
+        State columns of the horizontal and the vertical axis in the picture ``plane``.
 
     Raises
     ------
@@ -126,11 +131,11 @@ class Pictures:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Parts of the cost that are drawn, in their order."""
+        """Parts of the cost that are drawn, in the order of `PARTS`."""
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
     def names(self, *kinds: str) -> tuple[str, ...]:
-        """Return the names of the files of these kinds in `CHARTS`."""
+        """Return the names of all files that pictures of these kinds of subjects can have."""
         charts = (name for kind in kinds for name in CHARTS[kind])
         return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
@@ -163,8 +168,9 @@ def pictures(
     wanted: Pictures | None = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> dict[str, bytes]:
-    """Return files by name: all pictures of a kind in `CHARTS`, each in all formats.
+    """Draw all pictures of a subject, and return the content of each file by its name.
 
+    `kind` is the kind of the subject, a key of `CHARTS`. Each picture has a file in each format.
     The result is empty without matplotlib. `notify` receives the name of each picture before it is
     written, and the share of pictures that are done. Only one figure is in memory at a time.
     """
@@ -183,7 +189,7 @@ def pictures(
 
 
 class Place(TypedDict, total=False):
-    """Axes or figure of the user for a picture, instead of a figure of its own."""
+    """Axes or figure of the user in which to draw a picture; by default, in a new figure."""
 
     ax: "Axes"
     figure: "Figure | SubFigure"
@@ -198,13 +204,15 @@ def plot(
     figure: "Figure | SubFigure | None" = None,
     **options: Any,
 ) -> "Figure":
-    """Draw one picture in the given axes or figure; `options` are fields of `Pictures`.
+    """Draw the picture `name` of a subject in the given axes or figure, or in a new figure.
+
+    `kind` is the kind of the subject, a key of `CHARTS`. `options` are fields of `Pictures`.
 
     Raises
     ------
     ConfigError
-        A name is unknown, matplotlib is not installed, the picture does not exist, or single axes
-        are given for several panels.
+        A name is unknown, matplotlib is not installed, there is nothing to draw, or single axes are
+        given for a picture with several panels.
     """
     wanted, chart = Pictures(**options), CHARTS[kind][name]
     with styled(wanted.style) as style:

@@ -1,4 +1,4 @@
-"""Printed formats of the documents of `compare`, from which all numbers come."""
+"""Reports and tables from the JSON documents of `compare`, and from sweeps of a parameter."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -23,9 +23,10 @@ TIES = (
 
 
 def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_text.Document:
-    """Report several estimates of one truth, or TGOSPA of one estimate next to per-step GOSPA.
+    """Return the report about one or several estimates.
 
-    `requested` are names of columns of the table.
+    Several estimates are ranked. For one estimate, TGOSPA is shown next to per-step GOSPA.
+    `requested` are names of columns of the main table; empty for the default.
     """
     return table_text.Document(
         kind=_what(document),
@@ -46,14 +47,14 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings about a ranking by covariances if `of_order`, otherwise about the data."""
+    """Yield warnings: if `of_order`, about covariances that decide the order, else all others."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
 
 
 def estimates_columns(document: Json) -> Columns:
-    """Return a row for each estimate, with plain numbers."""
+    """Return a table of numbers with a row for each estimate."""
     items = document["estimates"]
     table = table_text.columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
@@ -78,7 +79,10 @@ def estimates_columns(document: Json) -> Columns:
 
 
 def pairs_columns(document: Json) -> Columns:
-    """Return a row for each pair of estimates: cost per step of the second minus the first."""
+    """Return a table with a row for each pair of estimates.
+
+    Columns ``per_step_`` have the cost per step of the second estimate minus that of the first.
+    """
     pairs = document["pairs"]
     table = table_text.columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
@@ -101,7 +105,7 @@ def _order(document: Json) -> str:
 
 
 def _what(document: Json) -> str:
-    """Explain what this document shows, and which command shows the rest."""
+    """Return what the report shows, and the command for another kind of comparison."""
     count = len(document["estimates"])
     if count > 1:
         return f"Ranking of {count} estimates; {table_text.TO_STUDY}"
@@ -154,7 +158,7 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
 
 
 def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[table_text.Table]:
-    """Yield the table of the study, then differences and costs."""
+    """Yield the main table, then tables of differences and of costs."""
     rows, rivals = study_rows(document), [range(len(document["estimates"]))]
     title = study_table.value_name(document["parameters"]["order"], document["runs"])
     caption = study_table.study_caption(title, document["parameters"])
@@ -166,7 +170,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[table_te
 
 
 def _pair_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield differences to the first estimate as costs per step."""
+    """Yield a table with the difference of each estimate to the first, as cost per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -189,7 +193,7 @@ def _pair_tables(document: Json) -> Iterator[table_text.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield TGOSPA and per-step GOSPA with two rules for switches, for each estimate."""
+    """Yield tables that compare TGOSPA with per-step GOSPA, whose switches follow two rules."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -256,11 +260,11 @@ def _ranking_notes(document: Json) -> Iterator[str]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Solvers compared on one estimate, as a document and as a table.
+# Several solvers that are compared on one truth and one estimate.
 
 
 def solvers_document(document: Json) -> table_text.Document:
-    """Report several solvers on one problem."""
+    """Return the report about several solvers."""
     runs = document["runs"]
     return table_text.Document(
         kind=f"Comparison of solvers; {table_text.TO_RANK}",
@@ -301,7 +305,7 @@ def solvers_document(document: Json) -> table_text.Document:
 
 
 def solvers_columns(document: Json) -> Columns:
-    """Return a row for each run, with plain numbers."""
+    """Return a table of numbers with a row for each run of a solver."""
     runs = document["runs"]
     names = (
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
@@ -351,7 +355,7 @@ ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation
 
 
 def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
-    """Yield the value of the regularised problem, if a run has one."""
+    """Yield a table of values of the problem with entropy, if a run has such a value."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
@@ -368,17 +372,17 @@ def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
-"""Solving and proof together, and their stages."""
+"""Columns of times: ``all`` is the time of solving and proof, the others are its stages."""
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
-    """Return seconds of each stage for all runs."""
+    """Return a table of seconds: a row for each run, a column for each of `STAGES`."""
     each = [_split(run["seconds"]) for run in runs]
     return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
 
 
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Return the seconds of the stages of one run."""
+    """Return the seconds of one run for each of `STAGES`; None if the run failed."""
     if seconds is None:
         return (None,) * len(STAGES)
     stages = seconds["stages"]
@@ -392,11 +396,11 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 
 
 # -------------------------------------------------------------------------------------------------
-# A scaling study, as a document, a report and a table.
+# A scaling study: solvers on synthetic scenes of several sizes.
 
 
 def study_document(document: Json) -> table_text.Document:
-    """Report solvers on synthetic scenes of many sizes."""
+    """Return the report about a scaling study."""
     return table_text.Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
@@ -407,7 +411,10 @@ def study_document(document: Json) -> table_text.Document:
 
 
 def study_report(document: Json, pictures: Iterable[str]) -> str:
-    """Report as Markdown, with the pictures in formats that Markdown can show."""
+    """Return the report about a scaling study as Markdown.
+
+    It shows those of the given picture files whose format Markdown can show.
+    """
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
         f"![{CAPTIONS[name]}]({name}.{form})" for name, _, form in files if form in ("png", "svg")
@@ -435,7 +442,7 @@ CAPTIONS = {
 
 
 def study_columns(document: Json) -> Columns:
-    """Return a row for each size and solver, with plain numbers."""
+    """Return a table of numbers with a row for each size and solver."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
         "targets": [size["targets"] for size, _ in rows],
@@ -543,18 +550,21 @@ COLUMNS = {
     "solvers": solvers_columns,
     "study": study_columns,
 }
-"""Main table of each kind of document."""
+"""Function that makes the table of numbers, for each kind of document."""
 
 DOCUMENTS = {
     "estimates": estimates_document,
     "solvers": solvers_document,
     "study": study_document,
 }
-"""Report of each kind of document."""
+"""Function that makes the report, for each kind of document."""
 
 
 def page(document: Json, requested: Sequence[str] = ()) -> table_text.Document:
-    """Return the report with the source of its settings; its table has the `requested` columns."""
+    """Return the report of a document, with a line about the settings file if one was used.
+
+    The main table has the `requested` columns.
+    """
     made = DOCUMENTS[document["kind"]](document, *([requested] if requested else ()))
     if "settings_file" not in document:
         return made
@@ -563,7 +573,7 @@ def page(document: Json, requested: Sequence[str] = ()) -> table_text.Document:
 
 
 def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
-    """Return the report in a format; its table of estimates has the `requested` columns."""
+    """Return the report of a document in a format; its main table has the `requested` columns."""
     made = partial(page, requested=requested)
     return table_text.rendered(format, document, made, json_text, COLUMNS[document["kind"]])
 
@@ -573,7 +583,7 @@ def render(document: Json, format: str, requested: Sequence[str] = ()) -> str:
 
 
 def sweep_document(sweep: SweepEvaluation) -> table_text.Document:
-    """Return the document of a sweep, with a row for each value."""
+    """Return the report about a sweep, with a row for each value of the parameter."""
     points = sweep.points
     table = {table_text.LETTERS[sweep.parameter]: [number(point.value) for point in points]}
     if not sweep.certified:
@@ -619,12 +629,15 @@ def _sweep_title(sweep: SweepEvaluation) -> str:
 
 
 def _quantity(sweep: SweepEvaluation, k: int) -> str:
-    """Return the value at a point, with its unit if it has one."""
+    """Format the parameter at the k-th point, with its unit if it has one."""
     return number(sweep.points[k].value) + (f" {sweep.unit}" if sweep.unit else "")
 
 
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
-    """Yield the ranges of values with constant counts of the best assignments, if all are exact."""
+    """Yield sentences on the ranges of the parameter over which counts stay the same.
+
+    There are none if a value is not exact: then the counts may not be those of the optimum.
+    """
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:
         return

@@ -45,11 +45,14 @@ from tgospa_eval.show.time_axis import TimeAxis
 TINY = 1e-300
 
 MARGIN = 0.8
-"""Approximate width next to the axes, in inches."""
+"""Approximate width of the text left of the axes, in inches."""
 
 
 def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw stacked bars of each step, or of the costliest of several steps."""
+    """Draw the cost of each step as a stacked bar.
+
+    If there are too many steps, a bar is the costliest of several steps, or their mean.
+    """
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
     names = dict(zip(parts, parts, strict=True))
@@ -65,10 +68,9 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     begin, end = begin[first], end[np.append(first[1:], data.steps) - 1] if data.steps else end
     base = np.zeros(len(first))
     handles = []
-    # Outlines keep narrow bars visible.
+    # Outlines keep narrow bars visible. A bar without cost has no outline either.
     thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if data.steps else ():
-        # A bar without cost has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         looks = {"linewidth": thin, "label": names[name], **FILLS[name]}
@@ -89,7 +91,10 @@ def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def draw_nees(data: PlotData, style: Style) -> Figure | None:
-    """Draw the NEES of each step with its band, and for particles the ranks of the truth."""
+    """Draw the NEES of each step and its band.
+
+    For particle clouds, a second panel has a histogram of the rank of the truth in its cloud.
+    """
     nees = data.document.get("nees")
     if nees is None:
         return None
@@ -127,7 +132,7 @@ def draw_nees(data: PlotData, style: Style) -> Figure | None:
 
 
 def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw the root of the mean cost of all steps up to each step."""
+    """Draw at each step k the p-th root of the mean cost of the steps up to k."""
     values = {name: data.document["curve"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(data, style, data.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", data.about)
@@ -135,7 +140,7 @@ def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figur
 
 
 def draw_windows(data: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
-    """Draw the root of the mean cost of each window."""
+    """Draw the p-th root of the mean cost of each window, at the middle of the window."""
     windows = data.document.get("windows")
     if windows is None:
         return None
@@ -149,10 +154,10 @@ def draw_windows(data: PlotData, style: Style, parts: Sequence[str]) -> Figure |
 def _draw_lines(
     data: PlotData, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
 ) -> tuple[Figure, Axes]:
-    """Draw a line for each part and for the total."""
+    """Draw lines of `values` over the times `at`; `name` is the name of the vertical axis."""
     made, ((axis,),) = figure(style.width, style.low)
     dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # a mark shows a single point
-    width = axis.spines["left"].get_linewidth() * 1.3  # the width of the style
+    width = axis.spines["left"].get_linewidth() * 1.3  # lines get thinner with the style, too
     handles = []
     for part, line in values.items():
         looks = {**LINES[part], **dot, "zorder": 2 + (part != "total") / 10, "clip_on": False}
@@ -168,14 +173,14 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Return edges and values of consecutive bars, with gaps between bars that do not touch."""
+    """Return edges and values of bars, with a bar of height NaN wherever two bars do not touch."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
 def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False) -> None:
-    """Set the axis from the first to the last step, with times as labels."""
+    """Make the horizontal axis, or the vertical one if `upright`, an axis over all steps."""
     begin, end = data.time.edges
     ends = (float(begin[0]), float(end[-1])) if data.steps else (-0.5, 0.5)
     name_times(axis, data.time, ends, style.width / (2 if upright else 1), upright=upright)
@@ -186,7 +191,7 @@ def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False
 def name_times(
     axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
-    """Set ends, ticks and name of a time axis in a picture of this width in inches."""
+    """Set limits, ticks and name of a time axis; `width` is that of the picture in inches."""
     letters = float(axis.xaxis.label.get_fontsize())
     characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
@@ -197,10 +202,10 @@ def name_times(
 
 
 # -------------------------------------------------------------------------------------------------
-# The costliest steps, truths and estimates, as bars of their parts.
+# The costliest steps, truths and estimates: a bar for each, stacked from the parts of its cost.
 
 THICK = 0.36
-"""Half the height of a bar; bars are 1 apart."""
+"""Half the height of a bar. The distance between the middles of two bars is 1."""
 
 
 def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
@@ -213,7 +218,7 @@ def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         "truths": _costliest(_costs(data.truth), data.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(data.estimate), data.estimate.ids, style.worst, parts),
     }
-    beside = style.wide  # a column of a journal is too narrow for three
+    beside = style.wide  # one column of a journal is too narrow for three panels
     if beside:
         made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
     else:
@@ -235,7 +240,7 @@ def draw_worst(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
 
 
 def _costs(side: SideData) -> dict[str, list[float]]:
-    """Return costs of tracks by the names of the parts."""
+    """Return the costs of the tracks of a side, by part."""
     table = side.table
     return {
         "localisation": table["localisation"],
@@ -247,7 +252,7 @@ def _costs(side: SideData) -> dict[str, list[float]]:
 def _costliest(
     costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
-    """Return names and costs of the costliest items, without items of cost zero."""
+    """Return names and costs of the `count` costliest items, without items of cost zero."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
     total = sum(chosen.values(), np.zeros(len(names)))
     order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
@@ -262,13 +267,17 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Draw stacked bars from above with their sums, with room for `rows` bars and for words."""
+    """Draw horizontal stacked bars, the first at the top, and the sum next to each.
+
+    There is room for at least `rows` bars. Names are shortened to `letters` characters. The axis is
+    `room` times as long as the longest bar.
+    """
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # One artist for all bars, because separate artists would draw their hatches again.
+            # One shape for all bars: otherwise the pattern would be drawn for each bar again.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -287,37 +296,39 @@ def bars(
 
 
 # -------------------------------------------------------------------------------------------------
-# Swim-lanes: a lane for each truth, then a lane for each estimate with false steps.
+# Lanes: a row over time for each truth, then one for each estimate with false steps. A run is a
+# sequence of consecutive steps of a track with the same partner.
 
 VECTOR_SHAPES = 4000
-"""Largest number of shapes of a kind in vector files; more become dots."""
+"""Largest number of shapes of a kind that stay shapes in vector files; more are drawn as pixels."""
 
 MAX_NAMES = 400
-"""Largest number of names inside the lanes."""
+"""Largest number of ids that are written inside the lanes of a side."""
 
 HALF = 0.4
-"""Half the height of a bar; lanes are 1 apart."""
+"""Half the height of a bar. The distance between the middles of two lanes is 1."""
 
 MANY = 40
-"""Number of tracks above which those without events share the last lane."""
+"""Number of tracks of a side above which tracks without unassigned steps and switches share the
+last lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Lanes of the tracks of a side.
+    """Places of the lanes of a side, the truth or the estimate, from top to bottom.
 
     Parameters
     ----------
     side : SideData
-        The tracks.
+        The side.
     tracks : (L,) int array
-        Tracks with a lane of their own, from above.
+        Indices of the tracks with a lane of their own, in this order.
     hidden : (K,) int array
-        Tracks that share the last lane.
+        Indices of the tracks that share the last lane.
     first : int
-        Position of the first lane; its title is above it.
+        Vertical position of the first lane; the title of the lanes is above it.
     quiet : int
-        Number of tracks in the last lane that have neither missed targets nor switches.
+        Number of tracks in the last lane that have neither unassigned steps nor switches.
     """
 
     side: SideData
@@ -341,7 +352,7 @@ class Lanes:
         return f"{count:,} {word}" + (quiet if self.side.name == "truth" else " with false steps")
 
     def place(self, track: Ints) -> Floats:
-        """Return positions of the lanes, NaN for tracks without a lane of their own."""
+        """Return the vertical positions of tracks; NaN for tracks without a lane of their own."""
         places = np.full(len(self.side.ids), np.nan)
         places[self.tracks] = self.first + np.arange(len(self.tracks))
         return places[track]
@@ -359,7 +370,7 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(data.steps, 1), style.bars)
-    # The smallest visible width, in units of time.
+    # Smallest visible width of a bar, in units of the time axis.
     pixel = (
         (data.time.edges[1][-1] - data.time.edges[0][0] if data.steps else 1) / _room(style) * 0.8
     )
@@ -385,7 +396,11 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 
 
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
-    """Return lanes in the order of the files; of many tracks, those with events or high costs."""
+    """Choose which tracks have their own lanes, at most `max_lanes`, and return the lanes.
+
+    Lanes are in the order of the files. If there are too many tracks, those with unassigned steps
+    or switches come first, then those with high costs. The others share the last lane.
+    """
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
     table = side.table
@@ -401,11 +416,11 @@ def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
 
 
 def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
-    """Add a collection to the axes, as dots if it is too large for a vector file."""
-    polygons: Any = corners  # an array is ten times as fast as a list
+    """Add shapes to the axes, drawn as pixels if they are too many for a vector file."""
+    polygons: Any = corners  # as an array, because a list takes ten times as long
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
-    made.set_in_layout(False)  # lies inside the axes; checking is slow
+    made.set_in_layout(False)  # the shapes are inside the axes, and checking that is slow
     axis.add_collection(made, autolim=False)
     return made
 
@@ -413,10 +428,10 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
 def _bars(
     axis: Axes, lanes: Lanes, data: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> dict[str, Artist]:
-    """Draw assigned runs as bars and other runs as frames, and return entries of the legend.
+    """Draw assigned runs as bars and unassigned runs as frames, and return entries of the legend.
 
-    If there are more steps than can be distinguished, `whole` is false, and `_shares` draws the
-    unassigned steps.
+    Frames are at least `pixel` wide. `whole` is false if there are too many steps to distinguish
+    them. Then there are no frames, because `_shares` draws the unassigned steps.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
@@ -453,24 +468,27 @@ def _bars(
 
 
 def _room(style: Style) -> float:
-    """Return the approximate number of points across the lanes."""
+    """Return the approximate width of the lanes in points (1/72 inch)."""
     return (style.width - MARGIN) * 72
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Return the column in which each step is drawn."""
+    """Return the column in which each step is drawn: all steps are divided into equal columns."""
     return step * columns // max(steps, 1)
 
 
 def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
-    """Begin and end of each column."""
+    """Return the positions of begin and end of each column on the time axis."""
     first = -(-np.arange(columns + 1) * data.steps // columns)
     begin, end = data.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Return lane and step of unassigned states; `chosen` is the lane of each run, or NaN."""
+    """Return lane and step of each missed or false state.
+
+    `chosen` has the lane of each run, NaN for runs that are left out.
+    """
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
     length = run["end"][kept] - run["begin"][kept] + 1
@@ -479,7 +497,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
-    """Draw the share of unassigned steps in each column, from the top of its lane downwards."""
+    """Draw the share of unassigned steps of each column as a box that hangs from its lane's top."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -494,7 +512,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the largest error of each column relative to the cutoff, as a dark foot of the bar."""
+    """Darken the foot of the bars up to the largest error of each column, as a share of c."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -506,13 +524,13 @@ def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
     begin, end = _column_edges(data, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
-    # One outline for each cell; a cell is a fraction of a bar.
+    # No outlines, because a bar can have several of these boxes.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
 def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the last lane: heights show the number of its unassigned tracks in each column."""
+    """Draw the lane that tracks share: heights show how many states are unassigned per column."""
     if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
@@ -522,7 +540,7 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
     highest = count.max(initial=0.0) or 1.0
     begin, end = _column_edges(data, columns)
     low = lanes.end - 1 + HALF
-    # Even the smallest number stays visible.
+    # A minimum height keeps small numbers visible.
     height = np.where(count > 0, np.maximum(count / highest, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
@@ -531,7 +549,11 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
 
 
 def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
-    """Select the largest switch in each column of a lane; of equal ones, the first."""
+    """Return the indices of the switches to draw.
+
+    If there are more steps than columns, these are the largest switch in each column of a lane, and
+    the first of several equal ones.
+    """
     if steps <= columns:
         return np.arange(len(place))
     cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
@@ -542,7 +564,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
 def _switches(
     axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Draw triangles at the top of the lanes, small ones for parts of a switch."""
+    """Draw switches as triangles at the top of the lanes; those of less than one are small."""
     switches = data.switches
     if not len(switches["step"]):
         return {}
@@ -561,7 +583,7 @@ def _switches(
 
 
 def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float) -> None:
-    """Write ids of partners into bars with enough room, into the longest bars first."""
+    """Write the id of the partner into bars that have enough room, at most `MAX_NAMES` ids."""
     if letters < 4 or not data.steps:
         return
     run, truth = lanes.side.run, lanes.side.name == "truth"
@@ -585,7 +607,7 @@ def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float
 
 
 def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
-    """Write the names of the lanes."""
+    """Write the id of each lane's track next to it, and the number of tracks at shared lanes."""
     places: list[float] = []
     names: list[str] = []
     for lanes in groups:

@@ -34,27 +34,28 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FEW = 30
-"""Largest number of trajectories with shapes, which then do not hide one another."""
+"""Largest number of trajectories for which shapes are drawn. Of more, shapes would hide others."""
 
 CORNERS = 48
-"""Corners of an ellipse."""
+"""Number of corners with which an ellipse is drawn."""
 
 SPACING = 2.0
 """Distance between two shapes of a trajectory, relative to the size of the larger one."""
 
 STEPS = 2
-"""Number of steps before and after the farthest pair in the enlarged part."""
+"""Number of steps before and after the farthest pair in the enlarged part of the picture."""
 
 INTERVALS = 24
-"""Number of intervals along a trajectory that is drawn over time."""
+"""Number of shapes along a trajectory if one axis is the time."""
 
 WINDOW = 3.0
-"""Largest distance from the middle of the enlarged part, relative to a typical ellipse."""
+"""Largest distance of a state from the middle of the enlarged part, relative to the median size of
+an ellipse."""
 
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 FEW_DOTS = 5000
-"""Largest number of particles that are shapes in vector files; more become dots."""
+"""Largest number of particles that stay shapes in vector files; more are drawn as pixels."""
 
 NO_ROWS = np.zeros(0, np.int64)
 
@@ -64,7 +65,7 @@ SPECK = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plane:
-    """Data of the plane, its two columns and its style."""
+    """Data of a picture of the plane, columns of its horizontal and vertical axis, and style."""
 
     data: PlotData
     across: str
@@ -78,17 +79,18 @@ class Plane:
 
     @cached_property
     def places(self) -> dict[str, Floats]:
-        """States of each side that has any, (2, R)."""
+        """Coordinates (2, R) of the R states of each side that has states, by side."""
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.data.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
-        """Return the extent of z' C^-1 z = radius^2 in both columns, and their shared term, (3, R).
+        """Return the sizes (3, R) of R ellipses in the plane, as `ellipses` expects them.
 
-        `packed` are lower triangles of C. If one of the columns is the time, the extent is the
-        interval of the other column.
+        `packed` has the lower triangle of a covariance C for each. The ellipse is the outline of
+        all z with z' C^-1 z = radius^2. If one of the axes is the time, the ellipse becomes an
+        interval of the other column. If C does not have the columns of the plane, all sizes are 0.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
-        odd = {self.across, self.up} - {*columns, TIME}  # columns of box centres
+        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes are no state columns
         if odd or self.across == self.up or not packed.shape[1]:
             return spans
         index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
@@ -101,9 +103,10 @@ class Plane:
 
     @cached_property
     def extents(self) -> dict[str, Floats]:
-        """Extent of the shape around each state by side, 0 without a shape.
+        """Sizes (3, R) of the shapes around the R states of each side, 0 without a shape.
 
-        Boxes have extents only if the axes are left and top, or centre x and centre y.
+        For a box, they are half its width and height. Boxes have sizes only if the axes are left
+        and top, or centre x and centre y.
         """
         data = self.data
         if not data.document["boxes"]:
@@ -117,17 +120,17 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Extents of the gates around the states of A in an association of A and B."""
+        """Sizes (3, R) of the gates around the states of the first side of an association."""
         gate = self.data.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Return the rows that have a shape, of some rows or by default of all."""
+        """Return the rows of a side that have a shape; with `among`, only those of these rows."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
     def outlines(self, side: SideData, row: Ints) -> Floats:
-        """Return outlines (K, corners, 2) around some states."""
+        """Return the outlines (K, corners, 2) of the shapes around K states."""
         sizes = self.extents[side.name][:, row]
         if not self.data.document["boxes"]:
             return ellipses(self.places[side.name][:, row], sizes)
@@ -136,11 +139,19 @@ class Plane:
 
 
 def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
-    """Return K outlines z' C^-1 z = 1 around the middles (2, K), with C = [s^2, q; q, t^2].
+    """Return the outlines (K, corners, 2) of K ellipses.
 
-    The result is (K, corners, 2). `sizes` (3, K) are s, t and q. With r = q / (s t) the corners are
-    (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. For another norm, with r = 0, both coordinates
-    are divided by the norm of (cos u, sin u).
+    Parameters
+    ----------
+    middle : (2, K) float array
+        Middle of each ellipse.
+    sizes : (3, K) float array
+        s, t and q of each ellipse: the outline of all z with z' C^-1 z = 1, where C is the matrix
+        [s^2, q; q, t^2]. With r = q / (s t), its corners are (s cos u, t sin(u + arcsin r)) for
+        0 <= u < 2 pi.
+    power : float
+        Order of the norm whose unit ball is drawn, 2 for ellipses. Other norms need q = 0. Both
+        coordinates are then divided by the norm of (cos u, sin u).
     """
     s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -154,7 +165,11 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
 def surroundings(
     axis: Axes, plane: Plane, rows: dict[str, Ints], speck: float
 ) -> dict[str, Artist]:
-    """Draw shapes and particles of these states and their numbers; return entries of a legend."""
+    """Draw the shapes and particles of states; return entries of the legend.
+
+    `rows` are the states of each side, and `speck` is the area of a particle of mean weight. A note
+    in the corner tells how many shapes and particles of all are drawn.
+    """
     handles: dict[str, Artist] = {}
     counts: list[str] = []
     large = plane.style.titles
@@ -180,7 +195,7 @@ def surroundings(
         place = plane.data.places(particles["state"][at], side.row["step"][own])
         count = np.bincount(own, minlength=len(colours))[
             own
-        ]  # the mean weight of a cloud's particles is 1 / count
+        ]  # number of particles of the cloud; their mean weight is 1 / count
         area = speck * np.clip(particles["weight"][at] * count, 0.05, 20) * (1 if large else 0.4)
         looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
         looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
@@ -197,9 +212,9 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """Return states with shapes, at intervals along the trajectories.
+    """Return the rows of each side around which shapes are drawn, at intervals along trajectories.
 
-    The result is empty if there are more than `FEW` trajectories.
+    There are none if there are more than `FEW` trajectories.
     """
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
@@ -214,10 +229,12 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 
 
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
-    """Return states near the farthest assigned pair, a few steps before and after it.
+    """Return the rows of each side that the enlarged part of the picture shows.
 
-    For associations these are the states of the step of that pair. The result is empty if states
-    have neither ellipses nor gates, if states are boxes, or if there are fewer than three states.
+    They are near the assigned pair with the largest distance, at its step and a few steps before
+    and after it. For associations, only the step of the pair is shown. The result is empty if
+    states have neither ellipses nor gates, if states are boxes, or if there are fewer than three
+    states.
     """
     data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
@@ -241,7 +258,11 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 
 
 def pairs(plane: Plane, row: Ints) -> Floats:
-    """Return lines from these estimates to the truths assigned to them, (2, 3 K)."""
+    """Return lines from estimates to the truths assigned to them.
+
+    `row` are rows of the estimate. The result (2, 3 K) has three columns for each of K pairs: the
+    estimate, the truth, and NaN, which ends the line.
+    """
     truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
     wanted = estimate["other"][row] * key + estimate["step"][row]
@@ -252,7 +273,11 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
-    """Return the first row of each track, and each next row farther away than both reaches."""
+    """Return rows of tracks that are not too near each other.
+
+    These are the first row of each track, then always the next row whose distance to the last one
+    is larger than the `reach` of both.
+    """
     kept = []
     last = -1
     for k in range(len(track)):
@@ -264,7 +289,7 @@ def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
 
 
 VECTOR_POINTS = 40_000
-"""Largest number of points that are lines and marks in vector files; more become dots."""
+"""Largest number of points of lines that stay lines in vector files; more are drawn as pixels."""
 
 CROWDED = 400
 """Number of events above which marks become smaller."""
@@ -273,7 +298,7 @@ GROUPED = 1500
 """Number of events above which neighbouring events of a kind share one mark."""
 
 CELLS = 48
-"""Number of cells for grouped marks along each axis."""
+"""Number of cells along each axis, in each of which events of a kind share one mark."""
 
 COVERED = 0.08
 """Largest share of the picture that marks of one kind cover, so that they stay distinct."""
@@ -282,20 +307,20 @@ MANY_TRACKS = 100
 """Number of trajectories above which lines are fainter, so that marks stand out."""
 
 FADED = 0.35
-"""Opacity of lines in a picture with an enlarged part."""
+"""Opacity of the lines in the enlarged part of the picture."""
 
 STRETCH = 8
-"""Largest ratio of two axes that share one scale."""
+"""Largest ratio of the lengths of both axes at which they have one scale."""
 
 
 MARKS: dict[str, dict[str, Any]] = {
     "missed": {"marker": "x", "color": MISSED},
     "false": {"marker": "^", "color": FALSE, "markerfacecolor": "none"},
 }
-"""Looks of objects without a partner."""
+"""Looks of the marks of missed and false states."""
 
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
-"""Kind of event, coordinates x and y, and looks."""
+"""All marks of one kind of event: its name, coordinates x and y, and looks."""
 
 
 def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
@@ -326,7 +351,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
             handles |= _lines(panel, side, places[side.name], style, data, many, fade)
     if sides:
         handles |= surroundings(axis, plane, rows_along(plane), SPECK)
-    if data.document["words"]:  # associations have lines between partners
+    if data.document["words"]:  # an association: there are lines between partners
         line = pairs(plane, np.arange(len(data.estimate.row["step"])))
         looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
         handles["pair"] = axis.plot(*line, **looks)[0]
@@ -345,7 +370,8 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
     titled(axis, style, "Trajectories", data.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
     beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
-    beside = min(beside, 5 if style.wide else 3) if enlarged else beside  # longer names
+    # The legend of the enlarged part has longer names.
+    beside = min(beside, 5 if style.wide else 3) if enlarged else beside
     legend(made, list(handles.values()), list(handles), beside)
     return made
 
@@ -360,7 +386,7 @@ def _name_axes(axis: Axes, plane: Plane) -> None:
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
-    """Draw these states, the shapes around them, and lines between assigned pairs."""
+    """Draw the enlarged part: states, the shapes around them, and lines between assigned pairs."""
     data, place = plane.data, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in data.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -390,7 +416,7 @@ def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Arti
     span = begin if begin == end else f"{begin} to {end}"
     what = "farthest pair" if (data.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
-    # Set last and not fixed, because the aspect ratio may widen the limits.
+    # Limits are set last, and with auto=True, so that matplotlib can widen them for equal scales.
     low, high = (end(np.concatenate([line.T, *points]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
@@ -404,9 +430,10 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Return a unit upwards divided by a unit across, if both columns are places in one unit.
+    """Return the length of a unit of the vertical axis over that of the horizontal axis.
 
-    `stretch` is the length of a degree of latitude, divided by that of a degree of longitude.
+    The result is None if the axes cannot share a scale: one is the time, or only one is an angle on
+    the Earth. `stretch` is the length of a degree of latitude over that of a degree of longitude.
     """
     if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
         return None
@@ -422,16 +449,19 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """Draw a line through consecutive steps; estimates take several colours in turn."""
+    """Draw a line through each stretch of consecutive steps of a track, and dots at single states.
+
+    Tracks of the estimate have the colours of `TRACK_COLOURS` in turn.
+    """
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
         return {}
     thin = style.settings.get("lines.linewidth", 1.3)
     separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # a stretch of one state needs a mark to be visible
+    single = np.zeros(len(row["track"]), bool)  # states that a line would not show: they get a dot
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
-    # One line with gaps for each colour, because a thousand artists take seconds.
+    # All tracks of a colour are one line with gaps: a thousand lines would take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
     colour = np.insert(row["track"] % len(TRACK_COLOURS), breaks, -1)
     looks: dict[str, Any] = {
@@ -461,10 +491,11 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Draw arrowheads and ids of estimates at the ends of tracks, and ids of truths at begins.
+    """Draw an arrowhead at the end of each track, and its id.
 
-    If there are many tracks, only the costliest have arrowheads and ids. Ids that would overlap are
-    left out.
+    Ids of estimates are at the ends of tracks, ids of truths at the begins. If there are many
+    tracks, only the costliest have arrowheads and ids. Ids that would overlap are left out.
+    `inches` and `extent` are the size of the axes and the lengths that they show.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
     scale = 72 * np.array(inches) / extent  # points per unit
@@ -477,7 +508,8 @@ def _ends(
         for k in known[:NAMED]:
             first, last = ends[0][k], ends[1][k] - 1
             colour = SOFT if truth else TRACK_COLOURS[k % len(TRACK_COLOURS)]
-            before = place[:, max(first, last - 3)]  # the direction of a single step would be noise
+            # The arrow has the direction of the last three steps: one step has too much noise.
+            before = place[:, max(first, last - 3)]
             if not plane.timed and (before != place[:, last]).any():
                 arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
                 arrow |= {"linewidth": 0, "mutation_scale": 1.4 * letters}
@@ -551,16 +583,16 @@ def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dic
 
 
 def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
-    """Return the mean position and the number of the points in each cell of a grid."""
+    """Return mean x, mean y and number of the points, for each cell of a grid that has points."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)  # it has two axes in NumPy 2.0 only
+    cell = cell.reshape(-1)  # NumPy 2.0 returns it with two axes
     middle = [np.bincount(cell, weights=values) / count for values in (x, y)]
     return middle[0], middle[1], count
 
 
 def rows_of_switches(data: PlotData) -> Ints:
-    """Return the row of the truth at each switch, or the last row before the switch."""
+    """Return for each switch the row of its true object at that step, or the last row before."""
     key = data.steps + 1
     row, switches = data.truth.row, data.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
@@ -569,33 +601,34 @@ def rows_of_switches(data: PlotData) -> Ints:
 
 
 # -------------------------------------------------------------------------------------------------
-# Data as read, before a comparison: the plane, and the tracks over time.
+# Data as read, without an evaluation: trajectories in the plane, and over time.
 
 LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
     {"color": FALSE, "linewidth": 0.9},
 )
-"""Looks of truth and estimate: lower lines stay visible under upper lines."""
+"""Looks of the lines of truth and estimate. The truth is wider, so it shows under the estimate."""
 
 NAMED = 30
-"""Largest number of trajectories with names next to their lines."""
+"""Largest number of trajectories whose ids are written."""
 
 PRESENCE = "trajectory"
-"""Name of the upward axis if the time is across."""
+"""Name of the vertical axis of the panel over time, in which each trajectory has a line."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
     style: Style,
 ) -> Figure:
-    """Draw trajectories in the plane, and a line for each trajectory over its times.
+    """Draw two panels: trajectories in the plane, and a line over its times for each trajectory.
 
     Parameters
     ----------
     subject : sequence of (str, Trajectories), and str
-        Name and trajectories of the truth, the same of an estimate, and the unit of the states.
+        Name and trajectories of the truth, then perhaps those of an estimate. The text is the unit
+        of the states.
     style : Style
-        Sizes. In the width of one column of a journal, the plane is above the lines.
+        Sizes and settings. If the style is narrow, one panel is above the other.
     """
     sides, unit = subject
     columns = sides[0][1].columns

@@ -1,4 +1,4 @@
-"""Figures and their files by matplotlib: no window, no global state, reproducible bytes."""
+"""Figures by matplotlib without windows and pyplot, and their files with reproducible bytes."""
 
 import io
 import warnings
@@ -24,19 +24,21 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.show.style import DOTS, FILES, LIGHT, SOFT, Style
 
 QUICK = 1
-"""Compression level of PNG files."""
+"""Compression level of PNG files, which is quick."""
 
 PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", default=None)
-"""Axes or figure of the user in which a picture is drawn, instead of a figure of its own."""
+"""Axes or figure of the user in which the next picture is drawn; None for a new figure."""
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """Return an empty figure of this size in inches, or that in `PLACE`, and its axes.
+    """Return a figure and an array of its axes, of shape (`rows`, `columns`).
+
+    The figure is a new one of this size in inches, or it is that of `PLACE`.
 
     Raises
     ------
     ConfigError
-        Single axes were given for several panels.
+        `PLACE` has single axes, but several are needed.
     """
     grid = 0.75 * matplotlib.rcParams["grid.linewidth"]
     made: Any = PLACE.get()
@@ -54,7 +56,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
         axis.set_axisbelow(True)
         for side, spine in axis.spines.items():
             spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # lies on the edge; checking that is slow
+            spine.set_in_layout(False)  # it is inside the figure, and checking that is slow
         counted(axis.xaxis)
         counted(axis.yaxis)
         axis.xaxis.set_major_locator(SpacedLocator())
@@ -62,22 +64,22 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 
 
 def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
-    """Return the picture as a file of one of `FILES`; call it under `styled`.
+    """Return the content of a file with the picture; call it in a block of `styled`.
 
-    The layout is made once for all formats, as for a PNG.
+    `kind` is a key of `FILES`. The layout is computed once, so all formats have the same layout.
     """
-    # Ids of an SVG are the same each time; fonts of a PDF have the type that publishers accept.
+    # The salt makes ids in an SVG the same each time. 42 is the font type that publishers accept.
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
     target = io.BytesIO()
     with warnings.catch_warnings():
-        # An id in a script that the font lacks is drawn as boxes; a warning is not needed.
+        # Letters that the font lacks are drawn as boxes; no warning is needed.
         warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
         made.set_dpi(dots)
         canvas, engine = FigureCanvasAgg(made), made.get_layout_engine()
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # savefig draws again, and stores opacities
+        if kind == "png":  # quicker than savefig, and the file has no alpha channel
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -88,33 +90,36 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
 
 
 def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
-    """Draw filled steps within preset limits, because computing limits is slower than drawing."""
+    """Draw filled steps. The limits of the axes must be set: computing them would be slow."""
     made = StepPatch(top, edges, fill=True, **looks)
     axis.add_artist(made)
     return made
 
 
 def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """Return corners (N, 4, 2) of boxes."""
+    """Return the corners (N, 4, 2) of N boxes."""
     x = np.stack([left, right, right, left], axis=1)
     return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
 
 
 def counted(which: Axis) -> None:
-    """Write numbers on this axis in the format of all other output."""
+    """Write numbers on this axis with commas between thousands, as in all other output."""
     which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
 
 
 def label(axis: Axes, x: str, y: str, title: str) -> None:
-    """Set the names of the axes and the title."""
+    """Set the names of the axes, and the title unless the axes are those of the user."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
-    if not isinstance(PLACE.get(), Axes):  # axes of the user keep their own title
+    if not isinstance(PLACE.get(), Axes):
         axis.set_title(title, fontsize="medium", loc="left")
 
 
 def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
-    """Write the title and subject of the axes, if the style has titles."""
+    """Write `title` at the left and `about` at the right above the axes.
+
+    Nothing is written if the style has no titles, or if the axes are those of the user.
+    """
     if not style.titles or isinstance(PLACE.get(), Axes):
         return
     axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
@@ -134,7 +139,7 @@ def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int)
 
 
 def literal(text: str, width: int = 24) -> str:
-    """Return a user's text on one line; long ones keep both ends, and more of the last."""
+    """Return a user's text on one line. A long text loses its middle, and keeps more of its end."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) <= width:
         return text
@@ -148,11 +153,11 @@ def power(unit: str, order: float) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# Figures in a notebook, without %matplotlib and without a window; ticks.
+# Figures in a notebook, and ticks.
 
 
 class ShownFigure(Figure):
-    """Figure that a notebook shows at the end of a cell, without pyplot.
+    """Figure that a notebook shows if it is the result of a cell, without %matplotlib and pyplot.
 
     It is drawn with the settings of its style, not with those of the user.
     """
@@ -167,7 +172,7 @@ class ShownFigure(Figure):
         }
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """Return a sharp picture, and the size at which it is shown."""
+        """Return a PNG with twice the pixels of the screen, and the size at which it is shown."""
         target = io.BytesIO()
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
@@ -178,7 +183,7 @@ class ShownFigure(Figure):
 
 
 class SpacedLocator(AutoLocator):
-    """Locator of horizontal ticks, few enough that their labels do not touch."""
+    """Locator for a horizontal axis with so few ticks that their labels do not touch."""
 
     def __call__(self) -> list[float]:
         """Return the positions of the ticks."""
@@ -193,7 +198,7 @@ class SpacedLocator(AutoLocator):
 
 
 def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
-    """Check that there are gaps between the labels, by the usual widths of characters."""
+    """Check that there are gaps between the labels, whose widths are estimated."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
     texts = axis.get_major_formatter().format_ticks(ticks)
@@ -204,10 +209,10 @@ def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
 
 
 NICE = (1, 2, 2.5, 5, 10)
-"""First digits of the distance between ticks."""
+"""Possible first digits of the distance between ticks."""
 
 LABEL_SPACING = 0.6
-"""Gap between labels, relative to the size of letters."""
+"""Smallest gap between labels, relative to the size of letters."""
 
 SHARP = 96
-"""Pixels per inch on a screen."""
+"""Assumed pixels per inch of a screen."""

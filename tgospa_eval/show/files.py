@@ -33,7 +33,7 @@ from tgospa_eval.show.table_text import csv_text
 from tgospa_eval.tracks.places import EARTH, on_earth
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
-"""Contents by name; a path means a file with that content."""
+"""Contents of files by name. A path stands for the content of the file at this path."""
 
 PICTURES = tuple(FILES)
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
@@ -41,21 +41,23 @@ AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Contents and names of one kind of folder.
+    """Kind of folder that this program writes, such as the result of an evaluation.
 
     Parameters
     ----------
     name : str
-        Name of the kind in the manifest.
+        Name of the kind in manifests.
     document : str
         File that is removed first and written last, so that a folder never has this file together
         with files of another run.
     names : collection of str
-        Names of files to check before any work is done: files of other origin are not overwritten.
+        Files of every folder of the kind. Before the work, they are checked: a file that no
+        earlier run has written must not be overwritten.
     log : str, optional
-        File that is kept, and that identifies the folder even if there is no manifest.
+        File of a longer work. It is never replaced here, and identifies the folder even without a
+        manifest.
     opens : tuple of str
-        Names of files to open; the first existing one is recommended.
+        Files that a user can open; the final message recommends the first one that is there.
     """
 
     name: str
@@ -65,17 +67,17 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Check whether the folder is of this kind, without reading its log."""
+        """Check whether a folder is of this kind. Its log is not read."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
             return False
-        # A study that was killed at once leaves an empty log as the only file.
+        # A study that is killed early leaves an empty log as the only file.
         return bool((folder / self.log).stat().st_size) or len(list(manifest.visible(folder))) == 1
 
 
 WORK_FOLDER = "work"
-"""Subfolder for the work on data in parts, from which an interrupted run continues."""
+"""Subfolder for the work on data in parts. A run that was interrupted continues from its files."""
 
 WORK_LOG = f"{WORK_FOLDER}/run.json"
 
@@ -140,15 +142,15 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     kind : Kind, optional
         Kind of folder that may be overwritten.
     force : bool
-        Whether the folder may have any content.
+        Whether the folder is accepted with any content.
     subject : str
-        Beginning of messages; by default the option of the folder.
+        Begin of messages; by default the name of the option for the folder.
 
     Raises
     ------
     ConfigError
         The path is a file or looks like the name of a file. Or `force` is false, and the folder
-        holds files and is not of this kind.
+        has content and is not of this kind.
     """
     subject = subject or option("output")
     if not folder:
@@ -175,19 +177,20 @@ def probe_folder(
 ) -> None:
     """Run `check_folder`, and check that files can be created where `write_texts` creates them.
 
-    `also` are names of files to write in addition to the files of every folder of the kind.
+    `also` are names of files that will be written in addition to `Kind.names`.
 
     Raises
     ------
     ConfigError
-        `check_folder` fails, the folder cannot be written, or it has files of other origin.
+        `check_folder` fails, the folder cannot be written, or a file that would be overwritten is
+        not unchanged from an earlier run.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
     with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         if path.is_symlink():
-            path.stat()  # refuses circular links
+            path.stat()  # raises an error for a circular link
         there = next(above for above in (path, *path.parents) if above.exists())
         probe = there / unique()
         probe.mkdir(mode=0o700)
@@ -206,18 +209,19 @@ def write_texts(
     force: bool,
     subject: str = "",
 ) -> str:
-    """Write the files of a folder, instead of the files of an earlier run of the same kind.
+    """Write files into a folder; files of an earlier run of the same kind are replaced or removed.
 
     The result is a sentence about the written files. A new folder appears only when it is complete.
     In an existing folder the old document is removed first, and the new document is written last.
-    If two runs write into one folder at once, one waits. A folder of a kind gets a manifest. Files
-    that differ from the manifest or are not in it are never removed, and are replaced only with
-    `force`.
+    If two runs write into one folder at once, one waits for the other. With a `kind`, the folder
+    gets a manifest. Then files that differ from the manifest or are not in it are never removed,
+    and they are replaced only with `force`.
 
     Raises
     ------
     ConfigError
-        `check_folder` fails, the folder cannot be written, or it has files of other origin.
+        `check_folder` fails, the folder cannot be written, or a file that would be overwritten is
+        not unchanged from an earlier run.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -225,7 +229,7 @@ def write_texts(
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
-        if files is None:  # the path exists, maybe since another process made it
+        if files is None:  # the path exists: it did before, or another process has just made it
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [name for name, *_ in files]
@@ -239,7 +243,7 @@ def write_texts(
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
-    """Put a file into another place, as a link if it is in the folder of work, else as a copy."""
+    """Put a file at `place`: as a hard link if it is in the folder `work`, else as a copy."""
     if work in file.resolve().parents:
         with suppress(OSError):  # some file systems have no links
             os.link(file, place)
@@ -250,7 +254,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
 
 
 def _check_name(folder: str, subject: str) -> None:
-    """Refuse a new folder with a name like that of a file, which is probably a mistake.
+    """Check that the name of a new folder does not look like that of a file.
 
     Raises
     ------
@@ -268,12 +272,12 @@ def _check_name(folder: str, subject: str) -> None:
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
-    """Check that all existing files of these names are as a run of this kind wrote them.
+    """Check that files with these names do not exist, or were written by a run and not changed.
 
     Raises
     ------
     ConfigError
-        A file was not written by such a run, or has changed since.
+        A file was not written by a run of this kind, or it has changed since.
     """
     own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
     for name in names:
@@ -318,9 +322,10 @@ def _write_new(
 def _write_over(
     texts: Files, path: Path, kind: Kind | None, where: str | None
 ) -> tuple[int, Collection[manifest.FileEntry]]:
-    """Write into an existing folder; return the number of removed old files, and the files.
+    """Write into an existing folder; return the number of removed old files, and the new entries.
 
-    `where` begins the message that refuses to overwrite other files; None overwrites them.
+    `where` begins the message if a file of other origin would be overwritten. If it is None, such
+    files are overwritten.
     """
     import shutil
 
@@ -350,7 +355,7 @@ def _write_over(
 def result_texts(
     result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
-    """Return files of a result folder: texts by name, and files to copy unchanged.
+    """Return the files of a result folder without pictures: texts, and paths of files to copy.
 
     Parameters
     ----------
@@ -403,13 +408,13 @@ def check_file(
     path : str
         Path of the file.
     subject : str
-        Beginning of messages; by default the option of the folder.
+        Begin of messages.
     force : bool
-        Whether the file may exist.
+        Whether an existing file is accepted.
     inputs : iterable of str
-        Files that the command also reads or writes.
+        Other files that the command reads or writes.
     suffixes : collection of str
-        Suffixes that the file may have; by default any.
+        Suffixes of which the file must have one; by default it can have any.
 
     Raises
     ------
@@ -437,7 +442,7 @@ def check_file(
 
 
 def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
-    """Write the result folder, with all pictures that the installed extras can draw."""
+    """Write the folder of a result or an association, with pictures if matplotlib is installed."""
     path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
     probe_folder(path, kind, force=force, subject="folder")
     if isinstance(result, Pairing):
@@ -448,7 +453,7 @@ def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, forc
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
-    """Return the pictures of a result folder by name; see `pictures`."""
+    """Return the pictures of a result folder by name; `wanted` are arguments of `pictures`."""
     parts = " in parts" if isinstance(result, PartitionedResult) else ""
     return pictures(f"result{parts}", result, *wanted)
 
@@ -456,7 +461,10 @@ def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
 def association_files(
     pairing: Pairing, names: tuple[str, str] = ("A", "B"), *wanted: Any
 ) -> dict[str, str | bytes | Path]:
-    """Return the page, table and, if the extra is installed, picture of an association, by name."""
+    """Return the files of an association by name: page, table, and pictures.
+
+    `wanted` are arguments of `pictures`; a single None means no pictures.
+    """
     from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
     files: dict[str, str | bytes | Path] = {"report.html": association_page(pairing, names)}
@@ -465,30 +473,31 @@ def association_files(
 
 
 # -------------------------------------------------------------------------------------------------
-# Proof folders of a result: one, or one for each class.
+# Proof folders of a result: one, or one for each class if classes are evaluated separately.
 
 
 NO_NAME = "%20"
-"""Folder of objects without a class. `folder_name` gives it to no class that has a name."""
+"""Name of the folder of objects without a class. No named class gets it from `folder_name`."""
 
 LONGEST_NAME = 200
-"""Longest quoted name in characters: with a digest it fits into the 255 of a file name."""
+"""Largest number of characters of the name of a folder before a digest is added. With the digest,
+the name is within the limit of 255 of file systems."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
-    """Return the files of a proof folder, or of one for each class, by relative path.
+    """Return the files of the proof folder by path; with several classes, of a folder for each.
 
     Parameters
     ----------
     result : Evaluation
         Result of one evaluation, or of several classes.
     options : mapping of str to object
-        Options of reading and comparing (`Request`) that differ from their defaults.
+        Options of reading and comparing, fields of `Request`, that differ from their defaults.
 
     Raises
     ------
     ConfigError
-        A proof folder cannot hold this kind of evaluation.
+        There are no proof folders for this kind of evaluation.
     SolverError
         A checker finds that a folder does not prove its claim.
     """
@@ -513,7 +522,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Return for each class the folder, the result, and the origin that the proof names."""
+    """Return the folder and result of each class, and the fields that name the class in a proof."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -524,7 +533,7 @@ def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[st
 
 
 def folder_name(name: str) -> str:
-    """Turn a user's name into the name of a folder; different names stay different."""
+    """Return a name for a folder from a name of the user; different names stay different."""
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
@@ -539,7 +548,7 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
     Raises
     ------
     ConfigError
-        The folder cannot be written, holds other files, or cannot hold the result.
+        The folder cannot be written, has other files, or there is no proof of this kind of result.
     SolverError
         A checker finds that the folder does not prove its claim.
     """
@@ -558,7 +567,7 @@ UNASSIGNED = ("missed", "false")
 
 
 def geojson(result: Evaluation) -> str:
-    """Return the text of all features, with the kind of each in the property ``kind``.
+    """Return the text of a GeoJSON file; the property ``kind`` of each feature names its kind.
 
     Raises
     ------
@@ -583,7 +592,7 @@ def geojson(result: Evaluation) -> str:
 
 
 def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]]]:
-    """Return longitude, latitude and perhaps height of each row of truth and estimate."""
+    """Return places of the rows of truth and estimate: longitude, latitude and perhaps height."""
     compared = result.proof.compared
     states = compared.truth, compared.estimate
     columns = compared.columns
@@ -604,7 +613,7 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
 
 
 def _feature(kind: str, places: list[list[float]], **properties: object) -> Json:
-    """Return a point, or a line of several places; lines are split at the date line."""
+    """Return a feature: a point, or a line through several places, split at the date line."""
     if len(places) == 1:
         shape: Json = {"type": "Point", "coordinates": places[0]}
     else:
@@ -665,7 +674,7 @@ def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -
 
 
 def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield the error of each assigned pair, a line from the truth to the estimate."""
+    """Yield a line from the truth to the estimate for each assigned pair, with its distance."""
     problem = result.proof.states.problem
     entry = read_assigned(result.proof.states, result.proof.weights).entry
     table = result.table("assignments")
@@ -680,7 +689,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield each switch at the position of its object, or at its last position if it is absent."""
+    """Yield a point for each switch: the place of its object, or the last place if it is absent."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

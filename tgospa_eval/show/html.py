@@ -1,7 +1,8 @@
-"""Report as one page: text from a template, and pictures by its script from packed data.
+"""HTML pages: report of a result, association, batch, and other reports.
 
-The page loads nothing: style, script and data are inside. All text of the user passes through the
-autoescape of the template, or through `tojson` as data that the script shows as text.
+Text and tables come from templates. On the pages of a result and of an association, a script draws
+pictures from encoded data. A page loads nothing: style, script and data are inside. Texts of the
+user are escaped by the template. Or they are data by `tojson`, which the script shows as text.
 """
 
 import base64
@@ -56,17 +57,17 @@ SCRIPTS = (
     "repairs",
     "page",
 )
-"""Files of the script, in order; they share one scope."""
+"""Files that are joined to the script, in this order. Each can use the names of all others."""
 
 PLAIN = 300_000
-"""Size in bytes up to which arrays are not compressed."""
+"""Largest size in bytes of arrays that are not compressed."""
 
 DISTANCE = "distance of assigned pairs"
-"""Explanation of localisation, which has no count."""
+"""Explanation of the part localisation, shown where other parts have the unit of their count."""
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
-    """Return the whole page.
+    """Return the page of a result.
 
     Parameters
     ----------
@@ -86,14 +87,14 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
 
 
 def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
-    """Return the page of an association, with the same views.
+    """Return the page of an association, with the same pictures as that of a result.
 
     Parameters
     ----------
     pairing : Pairing
         Association to show.
     names : pair of str
-        Names of the sides, such as the paths of their files.
+        Names of both sets of states, such as the paths of their files.
     """
     plotted = plot_data(pairing)
     return template("association.html.j2").render(
@@ -109,7 +110,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Return the values that every page with views needs."""
+    """Return the values for a template that every page with a script needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -120,7 +121,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """Return the values that every page of a result shows."""
+    """Return the values for the template of the page of a result, except those of `_inside`."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -164,7 +165,7 @@ USED_BY_TEMPLATES = {
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """Return the template of a page; it escapes all text."""
+    """Return the template with this file name; it escapes all text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tgospa_eval.show", "page"),
         autoescape=True,
@@ -177,13 +178,16 @@ def template(name: str) -> jinja2.Template:
 
 
 def still_page(name: str, more_style: str = "", **values: object) -> str:
-    """Return a page without a script from its template; `more_style` follows the common style."""
+    """Return a page without a script from its template; `more_style` is added to its CSS."""
     style = page_colours() + more_style + inlined("page.css") + inlined("batch.css")
     return as_unicode(template(name).render(style=style, **values))
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Return pictures of a kind in `CHARTS` by name, SVG as base64 text; empty without `draws`."""
+    """Return the pictures of a subject by name, as SVG in base64; without `draws`, return none.
+
+    `kind` is the kind of the subject, a key of `CHARTS`.
+    """
     made = pictures(kind, subject, Pictures(formats=("svg",))) if draws else {}
     return {name: base64.b64encode(image).decode() for name, image in made.items()}
 
@@ -196,10 +200,11 @@ def inlined(name: str) -> str:
 def packed(arrays: dict[str, Ints]) -> str:
     """Encode the arrays one after the other as base64 text.
 
-    The code has 32-bit differences of neighbours, with the sign in the lowest bit. The lowest bytes
-    of all numbers come first. Regular data become zeros, which compress well. Small data are not
-    compressed, so that a page can draw them while it is loaded: browsers decompress only later.
-    The length of the text shows whether it is compressed: it is then shorter than the arrays.
+    Each number is stored as the 32-bit difference to the number before it, with the sign in the
+    lowest bit. For each array, the lowest bytes of all its numbers come first, then the next bytes.
+    So regular data become zeros, which compress well. Small data are not compressed: browsers
+    decompress only after loading, and a page can draw other data before. A compressed text is
+    recognised by its length: it is shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -209,14 +214,14 @@ def packed(arrays: dict[str, Ints]) -> str:
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     data = b"".join(planes)
     if len(data) > PLAIN:
-        # Only equal bytes in a row are compressed: the same size in a third of the time.
+        # Z_RLE only compresses repeated bytes. It takes a third of the time for the same size.
         packer = zlib.compressobj(strategy=zlib.Z_RLE)
         data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
 
 
 def page_colours() -> str:
-    """Return colours of all pictures as a style; printed pages are white."""
+    """Return CSS that declares the colours of all pictures; printed pages have the light ones."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
@@ -230,7 +235,7 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
         dict(zip(keys, row, strict=True)) | {"split": ""} for row in result_text.part_rows(result)
     ]
     rows[0]["note"] = DISTANCE
-    if result.split is not None:  # where the distance separates them
+    if result.split is not None:  # the distance separates the parts of localisation
         parts = result.split.items()
         rows[0]["split"] = ", ".join(
             f"{result_text.SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts
@@ -239,7 +244,7 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
 
 
 def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> dict[str, str]:
-    """Return a record as lines of text, nested names joined by a slash."""
+    """Return texts by name for a nested mapping; nested names are joined by a slash."""
     lines: dict[str, str] = {}
     for name, value in record.items():
         if isinstance(value, dict):
@@ -254,7 +259,7 @@ def _flat(record: Mapping[str, object], before: str = "", digits: int = 6) -> di
 
 
 def card(result: Evaluation) -> str:
-    """Return the HTML that a notebook shows: a headline and the four parts."""
+    """Return the HTML that a notebook shows for a result: a headline and the four parts."""
     rows = [row[:4] for row in result_text.part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
@@ -267,33 +272,31 @@ def card(result: Evaluation) -> str:
 
 
 def document_page(document: table_text.Document, kind: str, subject: Any, *, draws: bool) -> str:
-    """Return a report as a page, with pictures of a kind in `CHARTS` if `draws`."""
+    """Return a page with a report, and with the pictures of `images` if `draws`."""
     shown = images(kind, subject, draws=draws).items()
     named = {name.removesuffix(".svg").replace("_", " "): image for name, image in shown}
     return still_page("document.html.j2", document=document, version=__version__, images=named)
 
 
 # -------------------------------------------------------------------------------------------------
-# Page of a batch: ranking and certainty, jobs, parts, values over time.
-#
-# The page has text and numbers from a template, no script, and loads nothing. All text of the user
-# passes through the autoescape of the template.
+# Page of a batch: ranking and certainty, jobs, parts, values over time. It has no script.
 
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
-"""Columns of parameters."""
+"""Columns of a batch that have parameters of the metric."""
 
 MAX_GROUPS = 40
 MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Largest number of estimates of which all pairs are compared; of more, only neighbours are."""
+"""Largest number of ranked entries of which the page lists all pairs. Of more entries, it lists the
+pairs of neighbours in the ranking."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
-    """Return the page of a batch, with curves if `draws`."""
+    """Return the page of a batch, with pictures if `draws`."""
     rows, ranked = tables.rows, tables.rankings
-    # A batch with several sets of parameters has no single ranking.
+    # With several sets of parameters, there are several rankings, and no best entry of all.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
@@ -331,7 +334,7 @@ def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
 
 
 def _shades() -> str:
-    """Return shades of the heat table, on paper and on a dark screen, and the styles of groups."""
+    """Return CSS for the shades of the table of jobs and for the colours of groups."""
     light, dark = (
         " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
         for colours in (LIGHT, DARK)
@@ -348,7 +351,7 @@ def _shades() -> str:
 
 
 def _source(tables: batch.BatchTables) -> tuple[str, str]:
-    """Return the names of the estimates and of the ground truth, as they were given."""
+    """Return the paths or patterns of the estimates and of the ground truth, as given."""
     jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
@@ -357,7 +360,7 @@ def _source(tables: batch.BatchTables) -> tuple[str, str]:
 
 
 def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
-    """Return the headline."""
+    """Return the headline of the page of a batch."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
@@ -369,7 +372,10 @@ def _title(tables: batch.BatchTables, ranking: batch.Ranking | None) -> str:
 
 
 def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, object]:
-    """Return a ranking in words, with bounds and intervals on a common scale."""
+    """Return a ranking for the template: texts, and positions of bounds and intervals in percent.
+
+    All positions are on one scale, from the smallest to the largest end.
+    """
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     for entry in ranking.entries:
         name, per_step = entry["name"], batch.bracket(entry, "per_step")
@@ -405,13 +411,13 @@ def _ranking(tables: batch.BatchTables, ranking: batch.Ranking) -> dict[str, obj
 
 
 def _span(place: Callable[[float], float], interval: Interval) -> tuple[str, str]:
-    """Return the left end and the width in percent."""
+    """Return the left end and the width of an interval in percent, as texts."""
     left, right = place(interval.lower), place(interval.upper)
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
 def _pairs(tables: batch.BatchTables, ranking: batch.Ranking) -> Iterator[Json]:
-    """Yield all pairs of entries if these are few, otherwise the pairs of neighbours."""
+    """Yield all pairs of entries if there are few entries, otherwise the pairs of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
@@ -442,7 +448,7 @@ def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
 
 
 def _per_step(row: "pd.Series[Any]") -> Interval:
-    """Return both bounds of the value per step of a job."""
+    """Return the bounds of the normalised value of a job."""
     steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
     return Interval(
         lower=(float(row["total_lower"]) / steps) ** power,
@@ -451,7 +457,7 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
 
 
 def _settings(tables: batch.BatchTables) -> dict[str, str]:
-    """Return inputs and settings of the evaluation, one line each."""
+    """Return inputs and settings of the evaluation as texts by name."""
     rows, jobs = tables.rows, tables.settings["jobs"]
     settings = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:

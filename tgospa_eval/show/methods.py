@@ -17,7 +17,7 @@ MEMBERS = {
     "step_weights": ("weights of the steps", "garciafernandez2021timeweighted"),
     "existence": ("probabilities of existence", "xia2025probabilistic"),
 }
-"""Variants of the metric by their parameter: description, and key of the paper."""
+"""Variants of the metric by the parameter that selects them: description, and key of the paper."""
 
 GRIDS = {
     "union": "at which either side has a state",

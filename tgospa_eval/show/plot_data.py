@@ -1,8 +1,9 @@
 """Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
-A lane is a trajectory. Its rows are its states; if there are very many, some are left out, but no
-event. A run is a longest sequence of states of a lane at consecutive steps with the same partner,
-or without a partner.
+Truth and estimate are the two sides. A lane is a trajectory. Its rows are its states. If there are
+very many, some are left out, but never missed states, false states and switches (the events). A run
+is a sequence of states of a lane at consecutive steps that all have the same partner, or all have
+none.
 """
 
 import math
@@ -34,63 +35,66 @@ from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
 Rows: TypeAlias = dict[str, NDArray[Any]]
-"""R states of the truth or of the estimate (a side), sorted by track and step, as columns.
+"""R states of one side, sorted by track and step: an array with R entries for each column.
 
-``track`` and ``step`` are numbers. ``other`` is the partner, the track of the other side with the
-largest weight at this step; it is `NONE` or `FREE` if the largest weight is that of no track.
-``error`` is the distance to the partner as a fraction of the cutoff, 1 for unassigned states.
-``shared`` is true if the weight of the partner is less than 1. ``unjudged`` is true for ignored or
-excused states. ``state`` (R, d) has d columns, none if the states are unknown. ``spread``
-(R, d (d + 1) / 2) has lower triangles of covariances, (R, 0) for points. ``cloud`` is the number of
-the cloud, or `NONE`.
+``track`` and ``step`` are indices. ``other`` is the index of the partner: the track of the other
+side with the largest weight at this step. It is `NONE` or `FREE` if "unassigned" has the largest
+weight. ``error`` is the distance to the partner as a fraction of the cutoff, 1 for unassigned
+states. ``shared`` is true if the weight of the partner is less than 1. ``unjudged`` is true for
+ignored or excused states. ``state`` (R, d) has the d state columns, or (R, 0) if states are
+unknown. ``spread`` (R, d (d + 1) / 2) has lower triangles of covariances, or (R, 0) for points.
+``cloud`` is the index of the particle cloud, or `NONE`.
 """
 
 VALUES = 800_000
-"""Number of coordinates of both sides above which some states are left out, but no events."""
+"""Largest number of coordinates of both sides; above it, states without events are left out."""
 
 COARSEST = 50
-"""Largest distance in steps between drawn states: with more, little but events would be left."""
+"""Largest number of steps between drawn states. With more, a picture would show little but events.
+"""
 
 LEVELS = 1 << 16
-"""Number of levels of a coordinate on the page."""
+"""Number of integers with which the page encodes the range of a coordinate."""
 
 ERRORS = 1000
-"""Number of levels of an error on the page, up to the cutoff."""
+"""Integer with which the page encodes an error as large as the cutoff; 0 is no error."""
 
 FARTHEST_NORTH = 88.0
-"""Largest latitude in degrees for maps with equal scales."""
+"""Largest mean latitude, in degrees north or south, at which a map has equal scales."""
 
 TIME = "t"
-"""Name of the time as an axis of the plane."""
+"""Name of the time if it is an axis of the plane."""
 
 FARTHEST = 1e300
-"""Largest coordinate in the plane, because matplotlib subtracts coordinates."""
+"""Largest coordinate in the plane. matplotlib subtracts coordinates, which must not overflow."""
 
 FARTHEST_LEVEL = 1 << 29
-"""Largest level on the page, so that differences of two levels fit into 32 bits."""
+"""Largest integer that encodes a coordinate: differences of two such integers fit into 32 bits."""
 
 PARTICLES = 100_000
-"""Largest number of drawn particles. If there are more, each cloud is drawn with fewer particles,
-and if that is not enough, clouds are drawn at fewer steps."""
+"""Largest number of drawn particles. If there are more, each cloud is drawn with fewer particles.
+If that is not enough, clouds are drawn at fewer steps."""
 
 MIN_PARTICLES, MAX_PARTICLES = 10, 200
-"""Least and largest number of particles drawn of a cloud; smaller clouds are drawn whole."""
+"""Smallest and largest number of particles with which a cloud is drawn. A cloud that has fewer is
+drawn with all."""
 
 SHARES = 10_000
-"""Number of levels of the weight of a particle on the page."""
+"""Integer with which the page encodes a weight of 1 of a particle."""
 
 NONE, FREE = -1, -2
-"""Partners: NONE of missed or false states, FREE of unassigned states that are not judged."""
+"""Values of ``other`` for states without a partner: `NONE` if the state is missed or false, `FREE`
+if it is ignored or excused."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
-"""Name of the cost of unassigned states of each side."""
+"""For each side, the part of the cost that its unassigned states have."""
 
 RUN = ("track", "begin", "end", "other")
-"""Fields of each run."""
+"""Fields of each run: indices of its track, its first and last step, and its partner."""
 
 
 def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tuple[str, str]:
-    """Return the columns of the horizontal and the vertical axis.
+    """Return the names of the horizontal and the vertical axis of the plane.
 
     Raises
     ------
@@ -114,21 +118,23 @@ def plane_columns(known: Sequence[str], requested: Sequence[str] | None) -> tupl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideData:
-    """The tracks of one side.
+    """Everything that is drawn of one side.
 
     Parameters
     ----------
     name : str
         Side, ``"truth"`` or ``"estimate"``.
     table : dict
-        Id, costs, counts and steps of each track.
+        Columns with the id, costs, counts and number of steps of each track.
     run : dict
-        Runs by track and step: ``track``, ``begin``, ``end``, ``other``.
+        Columns with an entry for each run, sorted by track and step: those of `RUN`, and possibly
+        ``unjudged``.
     row : dict
-        States that are drawn.
+        Drawn states, with the columns of `Rows`.
     particles : dict
-        Drawn particles by ``row``: ``state`` (P, d), and ``weight``, the share of the cloud that
-        each particle represents.
+        Columns with an entry for each of P drawn particles: ``row``, the index of its state in
+        `row`; ``state`` (P, d), its coordinates; and ``weight``, the share of the cloud that it
+        represents.
     """
 
     name: str
@@ -145,27 +151,28 @@ class SideData:
 
     @property
     def unassigned(self) -> Ints:
-        """Rows that are missed or false."""
+        """Indices of the rows that are missed or false."""
         return np.flatnonzero(self.row["other"] == NONE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlotData:
-    """Data to draw: the page uses the document and arrays, pictures use the document and sides.
+    """Data to draw. The page uses `document` and `arrays`, pictures use `document` and the sides.
 
     Parameters
     ----------
     document : Json
-        Data over time are in groups of ``together`` consecutive steps, which begin at ``times``.
-        ``costs`` and ``counts`` are means over each group, ``curve`` is the value at its last step.
-        If groups have several steps, ``worst`` lists the single steps with the highest costs.
-        ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of ellipses,
-        if any. For each side, ``particles`` has the number of drawn particles and the number of all
-        particles. ``words`` has the names of sides and parts.
+        Data over time, and what is needed to decode the arrays. Some of its fields: data over time
+        are in groups of ``together`` consecutive steps, which begin at ``times``. ``costs`` and
+        ``counts`` are means over each group, ``curve`` has the value at its last step. If groups
+        have several steps, ``worst`` lists the single steps with the highest costs.
+        ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of encoded
+        ellipses; it is empty without ellipses. For each side, ``particles`` has the number of drawn
+        particles and the number of all particles. ``words`` has other names of sides and parts.
     arrays : dict of str to int array
-        Encoded columns of rows, runs, particles and ellipses, by name.
+        Rows, runs, particles and ellipses of both sides, encoded as integers for the page.
     truth, estimate : SideData
-        The tracks.
+        The two sides.
     about : str
         Value and parameters in words.
     """
@@ -178,7 +185,10 @@ class PlotData:
 
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
-        """Values of the rows of each side in the plane: columns, centres of boxes and time."""
+        """Coordinates of the rows of each side, by side and by name of an axis of the plane.
+
+        The possible axes are the state columns, the centres of boxes, and the time.
+        """
         return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
     @property
@@ -187,28 +197,28 @@ class PlotData:
         return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
-        """Return the columns in the plane for states (R, d) at these steps."""
+        """Return the coordinates of states (R, d) at these steps, by name of an axis."""
         columns = np.clip(state.T, -FARTHEST, FARTHEST)
         shown = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
         return shown | {TIME: self.time.at[step]} if shown else {}
 
     def word(self, name: str) -> str:
-        """Return the name of a side or a part."""
+        """Return the displayed name of a side or a part."""
         return str(self.document["words"].get(name, name))
 
     @property
     def steps(self) -> int:
-        """Number of steps."""
+        """Number of groups of steps; usually a group is a single step."""
         return len(self.document["times"])
 
     @property
     def switches(self) -> dict[str, Ints]:
-        """Columns of the table of switches, as arrays."""
+        """Table of switches: an array for each column."""
         return {name: np.asarray(column) for name, column in self.document["switches"].items()}
 
     @cached_property
     def time(self) -> TimeAxis:
-        """The axis of time."""
+        """Time axis of the pictures."""
         return TimeAxis(times=self.document["times"], axis=self.document["axis"])
 
 
@@ -216,7 +226,7 @@ _MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
 
 
 def plot_data(result: Evaluation | Pairing) -> PlotData:
-    """Return the data for page and pictures, made once for each result."""
+    """Return the data for the page and pictures of a result; they are computed only once."""
     if result not in _MADE:
         if isinstance(result, Pairing):
             _MADE[result] = _association_data(result)
@@ -228,7 +238,7 @@ def plot_data(result: Evaluation | Pairing) -> PlotData:
 def _result_data(result: Evaluation) -> PlotData:
     """Return the data for the page and pictures of a result.
 
-    Tracks of all classes are numbered one after the other, as in the tables.
+    If classes are evaluated separately, indices of tracks continue from class to class.
     """
     whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
     parts = [part for part in whole if isinstance(part, PairEvaluation)]
@@ -251,13 +261,14 @@ def _result_data(result: Evaluation) -> PlotData:
 
 WORDS = {"truth": "A", "estimate": "B", "localisation": "distance"}
 WORDS |= {"missed": "A alone", "false": "B alone"}
-"""Names of sides and parts of an association."""
+"""Displayed names of sides and parts on pictures of an association."""
 
 
 def _association_data(pairing: Pairing) -> PlotData:
-    """Return data to draw an association: sides as truth and estimate, costs of order 1.
+    """Return data to draw an association as if it were an evaluation.
 
-    Each unassociated state costs half a cutoff, and each pair its distance.
+    The first side is drawn as the truth, the second as the estimate. Costs have order 1: half a
+    cutoff for each unassociated state, and the distance for each pair.
     """
     sides, steps = pairing.sides, len(pairing.first.times)
     power = getattr(pairing.distance, "power", 2.0)
@@ -304,9 +315,20 @@ def data_of_sides(
     document: Json,
     about: str,
 ) -> PlotData:
-    """Return data to draw the rows of both sides, with the clouds of each side in sequence.
+    """Return data to draw, from the rows and clouds of each side.
 
-    `tables` are those of the tracks, and `document` has the data over time.
+    Parameters
+    ----------
+    given : mapping of str to pair
+        Rows of each side, and its clouds. ``cloud`` of a row counts through all these clouds.
+    columns : sequence of str
+        State columns.
+    tables : mapping of str to columns
+        Table of the tracks of each side.
+    document : dict
+        Data over time, as in `PlotData`.
+    about : str
+        Value and parameters in words.
     """
     rows = {name: side for name, (side, _) in given.items()}
     runs = {name: _runs(side) for name, side in rows.items()}
@@ -319,7 +341,7 @@ def data_of_sides(
     arrays: dict[str, Ints] = {}
 
     def coded(state: Floats, axis: int) -> Ints:
-        # halves, because differences may overflow
+        # State, origin and step are halved first: the difference could overflow otherwise.
         value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
         return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
 
@@ -380,11 +402,11 @@ def data_of_sides(
 
 
 def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Return particles of the clouds at every `every`-th step.
+    """Return the particles to draw: those of the clouds of `row` at every `every`-th step.
 
-    Some are selected from a cloud with too many particles by systematic resampling: its total
+    From a cloud with too many particles, some are selected by systematic resampling: its total
     weight is divided into equal intervals, and the particle at the middle of each interval is
-    drawn. A drawn particle has the weight of all its intervals.
+    drawn. A drawn particle has the weight of all its intervals. `size` is the number of columns.
     """
     particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
@@ -396,24 +418,24 @@ def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) 
         points, weights = clouds[part][int(row["cloud"][k] - first[part])]
         if len(points) > each:
             points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
-        if len(points) > 1:  # a single particle is a point
+        if len(points) > 1:  # a single particle is drawn as a point anyway
             particles.append({"row": np.full(len(points), k), "state": points, "weight": weights})
     none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
     return {name: np.concatenate([none[name], *(one[name] for one in particles)]) for name in none}
 
 
 def is_map(names: Collection[str]) -> bool:
-    """Check whether states have latitude and longitude, in degrees."""
+    """Check whether the names include latitude and longitude, which are in degrees."""
     return {"lat", "lon"} <= set(names)
 
 
 def is_box(columns: Sequence[str]) -> bool:
-    """Check whether states are boxes in pictures."""
+    """Check whether states with these columns are drawn as boxes."""
     return tuple(columns[: len(BOX)]) == BOX
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the columns of axes, with centres if the states are boxes."""
+    """Add the coordinates of the centres to these columns, if they are those of boxes."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -421,13 +443,19 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Return a degree of latitude divided by a degree of longitude, at the mean latitude."""
+    """Return the length of a degree of latitude over that of a degree of longitude.
+
+    It is that at the mean of the latitudes, and 1 near the poles.
+    """
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Evaluation, windows: Windows) -> Json:
-    """Return (cost / n)^(1/p) by part and window, with n steps of the horizon in the window."""
+    """Return the data about windows: size, first and last steps, TGOSPA, and a line for each part.
+
+    A line has (cost / n)^(1/p) for each window, where n is its number of steps of the horizon.
+    """
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
     costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
@@ -442,7 +470,11 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """Return the rows of one side in all parts, with all tracks numbered, and their clouds."""
+    """Return the rows and clouds of one side of several results as those of one result.
+
+    Each of the `parts` is the result of a class. Indices of tracks and clouds continue from part to
+    part. `size` is the number of state columns.
+    """
     none = np.zeros(0, np.int64)
     tables: list[Rows] = [
         dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
@@ -460,7 +492,7 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
     wide = max(rows["spread"].shape[1] for rows in tables)
-    for rows in tables:  # some parts may have points without a spread
+    for rows in tables:  # parts without covariances get zeros
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
     return {name: np.concatenate([rows[name] for rows in tables]) for name in tables[0]}, clouds
@@ -481,7 +513,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # the largest weight of a row comes last and is kept
+    order = np.argsort(weight, kind="stable")  # of the weights of a row, the largest is set last
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -505,7 +537,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
 
 def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
-    """Return rows with these states and their shapes, sorted by track."""
+    """Return the rows sorted by track, with columns for their states, covariances and clouds."""
     count = len(state)
     spread = np.zeros((count, 0)) if covariance is None else covariance
     cloud = np.full(count, NONE) if clouds is None else np.arange(count)
@@ -515,7 +547,7 @@ def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Cloud
 
 
 def _runs(side: Rows) -> tuple[Ints, Ints]:
-    """Return the first and last row of each run."""
+    """Return the indices of the first and the last row of each run."""
     track, step = side["track"], side["step"]
     opens = np.ones(len(track), bool)
     opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1)
@@ -528,11 +560,14 @@ def _runs(side: Rows) -> tuple[Ints, Ints]:
 def _thinned(
     sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
-    """Return the stride (in steps) for about `VALUES` drawn coordinates, and the drawn rows."""
+    """Return the number of steps between drawn states, and the drawn rows of each side.
+
+    The number is the smallest with at most `VALUES` coordinates, but not above `COARSEST` or so.
+    """
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
-        # Steps of thinned rows are irregular, so they are stored like a coordinate.
+        # If rows are left out, their steps are irregular, and take the room of one more coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
@@ -541,7 +576,7 @@ def _thinned(
 
 
 def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
-    """Return rows to draw: every `stride` steps, both ends of runs, and all unassigned states."""
+    """Return rows to draw: at every `stride`-th step, ends of runs, and missed or false states."""
     if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
     keep = (side["step"] % stride == 0) | (side["other"] == NONE)
@@ -551,20 +586,20 @@ def _shown_rows(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
 
 
 def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
-    """Return the origin and step of the grid on which each coordinate is encoded."""
+    """Return the origin and the step of the grid to which each coordinate is rounded."""
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    # by columns, which is ten times faster on a narrow array
+    # By column: on an array with few columns, `min(axis=0)` takes ten times as long.
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
 def _tracks(result: Evaluation, side: str) -> Columns:
-    """Return the table of tracks with the same column names for both sides, and the total.
+    """Return the table of the tracks of a side, with column names that do not depend on the side.
 
-    For data in parts the table has the costliest tracks.
+    For data in parts, it has only the costliest tracks.
     """
     kind = KINDS[side]
     if isinstance(result, PartitionedResult):
@@ -588,7 +623,7 @@ def _tracks(result: Evaluation, side: str) -> Columns:
 
 
 def _switches(parts: list[PairEvaluation]) -> Columns:
-    """Return the table of switches with numbers of steps and tracks."""
+    """Return the table of switches, with indices of steps and tracks."""
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
@@ -605,7 +640,7 @@ def _switches(parts: list[PairEvaluation]) -> Columns:
 
 
 def _repairs(result: Evaluation) -> Columns:
-    """Return track numbers and steps of each repair, and the repair in words."""
+    """Return a table of repairs: indices of the tracks, first and last step, and text of each."""
     explained = explanation_of(result)
     repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
@@ -619,36 +654,37 @@ def _repairs(result: Evaluation) -> Columns:
 
 
 # -------------------------------------------------------------------------------------------------
-# Ellipses, and data over time, thinned if there are many steps.
+# Covariances, encoded as integers, called levels; and data over time.
 
 NUMBERS = 150_000
-"""Largest number of encoded elements of covariances; if there are more, steps are left out."""
+"""Largest number of encoded entries of covariances; if there are more, steps are left out."""
 
 FINE = 50
-"""Levels of a standard deviation are logarithmic: FINE levels are a factor of e, a level 2 %."""
+"""Number of levels between standard deviations with the ratio e. So a level is a step of 2 %."""
 
 INSIDE = 0.95
-"""Share of a normal distribution inside the drawn shape around a state."""
+"""Share of a normal distribution that is inside the drawn ellipse or interval around a state."""
 
 RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - INSIDE)))
-"""Roots of the quantiles of the chi-square distribution with one and two degrees of freedom."""
+"""Size of this interval, and of this ellipse, in standard deviations."""
 
 FAINT = 1000
-"""Level of the smallest standard deviations, such as 0: invisible next to the largest."""
+"""Largest level. It encodes standard deviations that are invisible next to the largest, such as 0.
+"""
 
 ANGLE = 64
-"""Levels of an angle for each radian."""
+"""Number of levels in a radian. A correlation is encoded as the angle with this sine."""
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
-    """Return the scales of the encoded covariances of both sides; empty without ellipses.
+    """Return what the page needs to decode covariances; empty without covariances.
 
     Parameters
     ----------
     spreads : list of (R, d (d + 1) / 2) float arrays
-        Lower triangles; (R, 0) for points.
+        Lower triangles of the covariances of each side; (R, 0) for points.
     stride : int
-        Stride between encoded positions.
+        Number of steps between drawn states.
     """
     around = [spread for spread in spreads if spread.size]
     if not around:
@@ -668,9 +704,11 @@ def described(spreads: list[Floats], stride: int) -> Json:
 
 
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
-    """Return the encoded rows, sorted by track, and the levels of each entry, by name.
+    """Encode covariances of rows that are sorted by track; `how` is the result of `described`.
 
-    Rows are encoded every `how["stride"]` steps, and at the begin and the end of each track.
+    Only some rows are encoded: at every ``stride``-th step, and at both ends of each track. The
+    result has their indices as ``row``, and the levels of each entry of the lower triangle under
+    the index of the entry.
     """
     if not spread.size:
         return {}
@@ -684,7 +722,11 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 
 
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
-    """Return lower triangles (K, d (d + 1) / 2) as integers, an array for each entry."""
+    """Encode K lower triangles (K, d (d + 1) / 2); return an array of K levels for each entry.
+
+    A diagonal entry becomes the logarithm of the standard deviation, relative to the `largest` of
+    its column. Another entry becomes the angle whose sine is the correlation.
+    """
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     diagonal = rows == columns
     deviation = deviations(spread[:, diagonal])
@@ -692,7 +734,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
         size = -FINE * np.log(deviation / largest)
         correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
         level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
-    # A deviation of 0 has neither a logarithm nor a correlation.
+    # A standard deviation of 0 has neither a logarithm nor a correlation: it gets fixed levels.
     level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
     return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
@@ -703,19 +745,19 @@ def deviations(variances: Floats) -> Floats:
 
 
 MAX_STRETCHES = 600
-"""Largest number of drawn groups of steps for data in parts."""
+"""Largest number of groups of steps on pictures of data in parts."""
 
 SHOWN_ROWS = 20
-"""Largest number of listed steps and tracks for data in parts."""
+"""Largest number of steps, and of tracks, that are listed for data in parts."""
 
 
 def curves(result: Evaluation) -> dict[str, list[float]]:
-    """Return the normalised cumulative cost: the root of the mean cost up to each step.
+    """Return the normalised cumulative cost at each step, for each part and ``total``.
 
-    The value at step k is (sum_{l <= k} cost(l) / n(k))^(1/p), where n(k) is the number of steps of
-    the horizon up to k. The last value of ``total`` is `normalised`. If the curve was requested, an
-    evaluation of the steps 1..k gives the costs. Otherwise they are those of the assignment of the
-    whole recording, an upper bound of the metric of the steps 1..k.
+    The value at step k is (C / n)^(1/p), where C is the cost of the steps up to k, and n is the
+    number of steps of the horizon up to k. The last value of ``total`` is `normalised`. If the
+    curve was requested, C is from an evaluation of the steps 1..k. Otherwise C is from the
+    assignment of the whole recording. Then the value is an upper bound of that of the steps 1..k.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.curve_bounds is not None:
@@ -734,7 +776,7 @@ def rounded(values: list[float]) -> list[float]:
     """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers may be too small or too large
+    with np.errstate(over="ignore", invalid="ignore"):  # where the factor overflows
         factor = 10.0 ** (6 - np.floor(np.log10(size)))
         rounded = np.rint(exact * factor) / factor
     shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
@@ -742,7 +784,10 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
-    """Return the first and costliest step of each of at most `max_bins` bins of equal length."""
+    """Divide the steps into at most `max_bins` groups of equal length.
+
+    Return the index of the first and of the costliest step of each group.
+    """
     together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)
@@ -751,7 +796,10 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """Return the NEES and its band at the first step of each group, and ranks of particles."""
+    """Return the NEES and its band at the first step of each group, and ranks of the truth.
+
+    A rank is the weight of the particles of a cloud that are below the truth.
+    """
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {
@@ -764,7 +812,7 @@ def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
 
 
 def over_time(result: Evaluation, stretches: int) -> Json:
-    """Return means over at most `stretches` groups of steps, and the curve at their ends."""
+    """Return the data over time, as in `PlotData`, for at most `stretches` groups of steps."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)

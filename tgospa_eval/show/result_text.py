@@ -1,6 +1,6 @@
 """A result in words: text of 80 columns, with colours on a terminal, and documents.
 
-The text is plain ASCII except for the user's own words. A terminal gets colours.
+The text is plain ASCII except for the user's own words.
 """
 
 import os
@@ -56,7 +56,7 @@ PARTS_SHOWN = {
     "identity": ("IDF1", ("IDP", "IDR")),
     "gospa": ("total", ("localisation", "missed", "false")),
 }
-"""Main value of each metric, and the numbers that explain it."""
+"""Main value of each other metric, and the numbers that explain it."""
 
 COMPARED = {
     "hota": ("HOTA", "DetA", "AssA"),
@@ -64,17 +64,17 @@ COMPARED = {
     "identity": ("IDF1",),
     "gospa": ("total",),
 }
-"""Numbers of each metric in a ranking."""
+"""Numbers of each other metric that a table of several evaluations has."""
 
 SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
 COSTS = {"total", "localisation", "missed", "false"}
 LOW = {"IDSW", "total"}
-"""Numbers in a ranking that are better when lower, like TGOSPA."""
+"""Numbers in `COMPARED` that are better if they are lower, like TGOSPA."""
 
 
 def other_table(other: OtherMetrics) -> Table:
-    """Return a row for each metric of one evaluation."""
+    """Return the table of the other metrics of one evaluation, with a row for each metric."""
     rows: list[Row] = []
     for name, (main, parts) in PARTS_SHOWN.items():
         if name in other:
@@ -85,7 +85,7 @@ def other_table(other: OtherMetrics) -> Table:
 
 
 def similarity(other: OtherMetrics) -> Iterator[str]:
-    """Explain what HOTA, MOTA and IDF1 compare, if the result has any of them."""
+    """Yield a sentence on the similarity that HOTA, MOTA and IDF1 use, if there is any of them."""
     if "similarity" not in other:
         return
     zero, threshold = other["similarity"]["zero"], other["similarity"]["threshold"]
@@ -103,9 +103,18 @@ def grouped_table(
     records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """Yield a table with a row for each record, if any; a row begins with its names.
+    """Yield a table of the other metrics of several groups, if these were requested.
 
-    The best value of each group of `rivals` is bold.
+    Parameters
+    ----------
+    head : tuple of str
+        Heads of the columns with names.
+    names : sequence of tuple of str
+        Names at the begin of each row.
+    records : sequence of mappings
+        Other metrics of each row.
+    rivals : sequence of sequences of int
+        Row indices of groups of rows that compete. In each group, the best values are bold.
     """
     first = records[0] if records else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
@@ -130,9 +139,10 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Yield the table of the NEES and the cost of covariances, if all have a NEES.
+    """Yield a table of the NEES, and of the costs of means and of spreads, if all rows have a NEES.
 
-    Each item has the cost of means, the cost of spreads and the record of the NEES.
+    `head` and `names` are as in `grouped_table`. Each item has the values of a row: the record of
+    the NEES, and perhaps both costs.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
     if not records or any(record["mean"] is None for record in records):
@@ -150,13 +160,16 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """Return numbers whose smallest is the best: the values, or differences to the largest."""
+    """Return a number for each value, as an interval of width 0; the smallest is the best.
+
+    They are the values, or their differences to the largest value if this is the best.
+    """
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
 
 
 def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetrics]:
-    """Yield other metrics of rows with columns such as ``with.hota.HOTA``."""
+    """Yield the other metrics of each row, from its columns such as ``with.hota.HOTA``."""
     for row in rows:
         record: dict[str, dict[str, float]] = {}
         for column, value in ((str(name), value) for name, value in row.items()):
@@ -167,7 +180,7 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 
 
 def direction(other: OtherMetrics) -> Iterator[str]:
-    """Explain which columns of a ranking are better when higher, and what the metrics compare."""
+    """Yield notes on `grouped_table`: which columns are better if high or low, and similarity."""
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
@@ -176,7 +189,7 @@ def direction(other: OtherMetrics) -> Iterator[str]:
 
 
 def other_columns(records: Sequence[OtherMetrics]) -> Columns:
-    """Return all numbers of the other metrics, one column for each."""
+    """Return a table with a row for each record, and a column for each number of its metrics."""
     return {
         f"{key}_{name}": [record[key][name] for record in records]
         for key, record in records[0].items()
@@ -201,13 +214,13 @@ def other_value(name: str, numbers: Mapping[str, float]) -> str:
 
 
 MAX_LISTED = 20
-"""Largest number of slices in a table; of more, the costliest are listed."""
+"""Largest number of slices in a table. If there are more, the costliest are listed."""
 
 SLICE_HEAD = ("states", "total", "share", *PART_HEADS, "followed", "RMSE")
 
 
 def shown_slices(slicing: Slicing) -> list[Slice]:
-    """Return the costliest slices, in the order of the slicing."""
+    """Return the `MAX_LISTED` costliest slices, in the order of `slicing`."""
     costliest = sorted(slicing.slices, key=lambda one: -one.total)[:MAX_LISTED]
     kept = {id(one) for one in costliest}
     return [one for one in slicing.slices if id(one) in kept]
@@ -238,14 +251,14 @@ def _cells(one: Slice, total: float) -> list[str]:
 def group_tables(
     heads: Sequence[str], groups: Sequence[tuple[tuple[str, ...], Sequence[Slicing]]]
 ) -> Iterator[Table]:
-    """Yield a table for each attribute, which lists the groups below each slice.
+    """Yield a table for each attribute. For each slice, it has a row for each group.
 
     Parameters
     ----------
     heads : sequence of str
-        Names of the columns that distinguish groups.
+        Heads of the columns that distinguish groups.
     groups : sequence of tuple of str and slicings
-        Names of each group, and its slices.
+        Names of each group, and its costs split by each attribute.
     """
     for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
         by_name: dict[str, list[Row]] = {}
@@ -262,19 +275,22 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """Yield the lines of the slices for a terminal."""
+    """Yield the lines of `slices_table` for a terminal."""
     table = slices_table(slicing)
     by, *head = table.head
     yield from map(clip, (f"{INDENT}{by}", *fitted(replace(table, head=("slice", *head)))))
 
 
 def share(cost: float, total: float) -> str:
-    """Return the share of the total in percent."""
+    """Format a cost in percent of the total."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Explain which attribute puts a cost into a slice, and whether another split is possible."""
+    """Yield notes on slices: whose attribute decides the slice of a cost, and uniqueness.
+
+    A split is not unique if another assignment with the same total would give a different one.
+    """
     if not slicings:
         return
     yield (
@@ -295,7 +311,7 @@ COUNTED = {
     "false": ("estimate-step without object", "estimate-steps without object"),
     "switch": ("track switch", "track switches"),
 }
-"""Units of the counts of parts: for one, and for any other number."""
+"""Units of the counts of parts: for a count of 1, and for any other count."""
 
 
 SPLIT_WORDS = {
@@ -304,7 +320,7 @@ SPLIT_WORDS = {
     "expected_localisation": "distances",
     "existence_mismatch": "mismatch",
 }
-"""Names of the parts of localisation, which are listed below it."""
+"""Displayed names of the parts into which some distances split localisation."""
 
 WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of its step")
 
@@ -318,13 +334,13 @@ UNCERTAIN = (
 
 
 def table(result: Evaluation) -> str:
-    """Return the result in words, for first-time readers."""
+    """Return the text of a result without colours."""
     shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
     return "\n\n".join(shown) + "\n"
 
 
 def blocks(result: Evaluation) -> dict[str, list[str]]:
-    """Return the lines of each block of the text by name; some blocks may have none."""
+    """Return the lines of each block of the text, by name of the block; some blocks are empty."""
     makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
@@ -345,7 +361,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
 
 
 def headline(result: Evaluation) -> str:
-    """Return the value and its precision in one sentence."""
+    """Return TGOSPA and what is proven about it, in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
@@ -356,7 +372,7 @@ def _headline(result: Evaluation) -> Iterator[str]:
 
 
 def meaning(result: Evaluation) -> list[tuple[str, str]]:
-    """Return the names of the parameters, each with an explanation."""
+    """Return pairs of a name and an explanation: the parameters, and other terms of this result."""
     parameters = result.proof.parameters
     p = parameters.order
     price = _power(parameters.switch_penalty, p)
@@ -384,7 +400,7 @@ def meaning(result: Evaluation) -> list[tuple[str, str]]:
 
 
 def _unassigned(result: Evaluation) -> str:
-    """Return the costs of missed and of false targets in words."""
+    """Return a sentence on the cost of a missed and of a false target."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
         return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
@@ -417,7 +433,10 @@ def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
 
 
 def part_table(result: Evaluation, before: str = "of which ") -> Table:
-    """Return the parts and their sum; `before` precedes the names of the parts of localisation."""
+    """Return the table of the four parts and their sum.
+
+    If localisation is split, its parts have rows, too, whose names begin with `before`.
+    """
     total = result.total
     rows: list[Row] = [row[:4] for row in part_rows(result)]
     rows[1:1] = [
@@ -439,7 +458,7 @@ def _parts(result: Evaluation) -> Iterator[str]:
 
 
 def document(result: Evaluation) -> Document:
-    """Return a report for Markdown and LaTeX: a small table, and all requested additions."""
+    """Return the report for Markdown and LaTeX: parts, summary, and all requested additions."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
     tgospa = number(result.tgospa)
@@ -486,11 +505,11 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
     "siunitx": lambda result: WRITERS["siunitx"](document(result)),
     "methods": methods,
 }
-"""Reports of a result by ``--format``; the documentation has a line for each."""
+"""Function that writes a result, for each value of ``--format``."""
 
 
 def class_table(result: Evaluation) -> Table | None:
-    """Return a row for each class, if classes are evaluated separately."""
+    """Return a table with a row for each class; None if classes are not evaluated separately."""
     columns = result.table("per_class")
     rows = [
         (name or "(blank)", *(number(value, 5) for value in values))
@@ -506,7 +525,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Yield name, value and divisor of the total: per step, then per object and step."""
+    """Yield values "per step" and "per object and step": name, value, and divisor of the total."""
     evaluated_on = result.evaluated_on
     if evaluated_on.steps:
         steps = counted(evaluated_on.steps, "step") + _of_truth(result)
@@ -537,16 +556,17 @@ def _scale(result: Evaluation) -> Iterator[str]:
 
 
 def _summary(result: Evaluation) -> Iterator[str]:
-    """Yield numbers of tracking, one line for each kind."""
+    """Yield the lines of the summary."""
     for name, words in summary_of(result):
         yield from wrap(f"  {name:<13}  {words}", " " * 17)
 
 
 def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
-    """Yield the name and text of each number of tracking."""
+    """Yield the rows of the summary: a name, and numbers on tracking in words."""
     quantity = partial(result.quantity, digits=4)
     is_length = result.parameters["distance"] not in ("iou", "mahalanobis")
-    place = quantity if is_length else partial(number, digits=4)  # in the unit of the distance
+    # The distances "iou" and "mahalanobis" do not have the unit of the states.
+    place = quantity if is_length else partial(number, digits=4)
     dates = isinstance(next(iter(result.labels.times), 0), str)
 
     def time(value: float) -> str:
@@ -556,7 +576,7 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """Return the score of the value per step, and its scale, if it was requested."""
+    """Return the score of similarity, and the number of false targets that sets its scale."""
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
@@ -578,13 +598,13 @@ def _curve(result: Evaluation) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
     first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
-    each = 13 if first == 13 else 11  # leaves room for long timestamps
+    each = 13 if first == 13 else 11  # narrower, if timestamps need a wide first column
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _windows(result: Evaluation) -> Iterator[str]:
-    """Yield the number of windows, and the worst windows."""
+    """Yield a sentence on all windows, then a table of the worst windows."""
     table, windows = result.table("windows"), result.window_bounds
     if windows is None or not table["t_first"]:
         return
@@ -604,14 +624,17 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """Return in words whether all values are exact, or how many are only upper bounds."""
+    """Return "all proven exact", or how many values are only upper bounds."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
 def _rooted(
     table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
-    """Return for each chosen row its name, TGOSPA or its upper bound, and the parts."""
+    """Return rows of cells: a name, TGOSPA (after "<=" if it is only an upper bound), the parts.
+
+    `chosen` are indices of rows of `table`, and `names` are the names of these rows.
+    """
     return [
         (
             name,
@@ -623,7 +646,7 @@ def _rooted(
 
 
 def _disjoint(spans: Windows, order: Ints) -> list[int]:
-    """Return the first windows in this order that share no step."""
+    """Return indices of windows that share no step: always the next one possible in this order."""
     kept: list[int] = []
     for k in order.tolist():
         if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
@@ -650,7 +673,7 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Yield the single repairs of the estimate with the largest savings, if requested."""
+    """Yield a table of the repairs with the largest savings, and notes, if requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -674,12 +697,12 @@ def _worst(result: Evaluation) -> list[str]:
 
 
 def _switches(result: Evaluation) -> Iterator[str]:
-    """Yield the first switches."""
+    """Yield a table of the first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
     times = [visible(str(t)) for t in switches["t"]]
-    room = WIDTH - 6 - max(27, *map(len, times))  # next to the time and a colon
+    room = WIDTH - 6 - max(27, *map(len, times))  # width of the second column without the colon
     rows = []
     for k, time in enumerate(times):
         ends = (switches[key][k] for key in ("from", "to"))
@@ -714,11 +737,11 @@ def _footer(result: Evaluation) -> Iterator[str]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Repairs of an estimate, and the document of `explain`.
+# Repairs of an estimate, and the report of `explain`.
 
 
 def repair_table(result: Evaluation, explanation: Explanation) -> Table:
-    """Return a row for each repair."""
+    """Return a table with a row for each repair."""
     repairs = explanation.repairs
     columns = {
         "": [str(rank) for rank in range(1, len(repairs) + 1)],
@@ -741,7 +764,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """Yield notes: how the savings are proven, and that each is for one repair alone."""
+    """Yield notes: the savings are proven, and each is the saving of only one repair."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is proven to save anything ({several} tried)"
@@ -757,7 +780,7 @@ def _total(result: Evaluation) -> str:
 
 
 def explanation_document(explanation: Explanation) -> Document:
-    """Return the report of the largest costs and the repairs."""
+    """Return the report of `explain`: the largest costs, and the repairs."""
     result = explanation.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
@@ -780,15 +803,15 @@ def explanation_document(explanation: Explanation) -> Document:
 
 
 # -------------------------------------------------------------------------------------------------
-# The same text with colours for a terminal.
+# The text of `table` with colours for a terminal.
 
 BOLD, DIM, GREEN, YELLOW = "1", "2", "32", "33"
 PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YELLOW}
-"""Codes of colours and weights (SGR)."""
+"""Codes of the colours of the parts in escape sequences of a terminal."""
 
 
 def report(result: Evaluation) -> str:
-    """Return the text with colours, unless `NO_COLOR` is set."""
+    """Return the text of a result with colours, unless the variable `NO_COLOR` is set."""
     shown = (_styled(result, name, lines) for name, lines in blocks(result).items())
     return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
 
@@ -800,7 +823,7 @@ def _looking(text: str, *codes: str) -> str:
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
-    """Return the lines of a block with its colours; most blocks have none."""
+    """Add colours to the lines of the block `name`; most blocks have no colours."""
     if name == "headline":
         *claim, sizes = lines
         colour = GREEN if result.certified else YELLOW
@@ -820,23 +843,27 @@ def _part(result: Evaluation, line: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# Texts of associate and reduce.
+# Texts of the commands `associate` and `reduce`.
 
 
 Spread = dict[str, float]
-"""Summary of numbers: ``min``, ``median`` and ``max``."""
+"""Summary of several numbers: ``min``, ``median`` and ``max``."""
 
 ROWS = 40
-"""Largest number of rows of a table on stdout."""
+"""Default of the largest number of printed rows of a table."""
 
 ROUNDING = 1e-9
-"""Shift of a mean, relative to the distance to the cloud, below which it is only rounding."""
+"""A mean counts as not shifted by a reduction if its shift is at most this fraction of the distance
+between the clouds."""
 
 
 def association_text(
     pairing: "Pairing", *, rows: bool = True, limit: int = ROWS, rest: str | None = None
 ) -> str:
-    """Return the text of an association: counts, at most `limit` rows, and a hint to the rest."""
+    """Return the text of an association: counts and sum, and with `rows` a table of the pairs.
+
+    The table has at most `limit` rows. `rest` tells where all rows are.
+    """
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
         f"{count} associated, {rest_a} of A and {rest_b} of B unassociated, in "
@@ -851,7 +878,11 @@ def association_text(
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
-    """Return the changes of all clouds in words; the arguments are parts of the document."""
+    """Return the text about a reduction of clouds.
+
+    `counts` and `change` are fields of the JSON document: counts of clouds and particles, and a
+    summary of each change of all clouds.
+    """
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],
@@ -881,7 +912,10 @@ def _aligned(
     limit: int = ROWS,
     rest: str | None = None,
 ) -> list[str]:
-    """Return aligned columns of the first `limit` rows."""
+    """Return the lines of a table with the first `limit` rows, and a line on the rest.
+
+    `rest` tells where all rows are.
+    """
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []
     if len(rows) > limit:

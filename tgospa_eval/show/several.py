@@ -38,10 +38,10 @@ from tgospa_eval.show.style import (
 from tgospa_eval.show.time_axis import ROOM, TimeAxis
 
 TALL = 1.4
-"""Height of a picture of lines, relative to a picture over time."""
+"""Height of most pictures here, relative to that of a picture over time."""
 
 FLOOR = 1e-9
-"""Error below which errors count as zero and are drawn at this value."""
+"""Errors up to this value count as zero, and are drawn at this value."""
 
 SIZES = ("targets", "steps")
 
@@ -56,7 +56,10 @@ def _has_errors(*errors: Iterable[float | None]) -> bool:
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """Draw the errors of the bounds of `sinkhorn` by temperature, from the bounds of all runs."""
+    """Draw the errors of `sinkhorn` over its temperature, a line for each bound and value.
+
+    Errors are measured from the narrowest bounds that all runs together prove.
+    """
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
     entropic = [run["entropic"] or {} for run in runs]
@@ -75,7 +78,10 @@ def draw_errors(document: Json, style: Style) -> Figure | None:
 def _by_temperature(
     lines: Mapping[str, tuple[Sequence[Json], Sequence[Json]]], style: Style, where: str = ""
 ) -> Figure:
-    """Draw errors over the temperatures of runs, a line for each name."""
+    """Draw a line for each name: the errors of its runs over their temperatures.
+
+    `where` ends the title.
+    """
     made, ((axis,),) = figure(style.width, TALL * style.low)
     for k, (name, (runs, errors)) in enumerate(lines.items()):
         _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, style)
@@ -88,7 +94,7 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """Draw the time over the error, or bars of the time if there are no errors."""
+    """Draw a mark for each run: its time over its error. Without errors, draw bars of the times."""
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
@@ -122,7 +128,10 @@ def _epsilon(run: Json) -> float:
 
 
 def draw_convergence(document: Json, style: Style) -> Figure | None:
-    """Draw the errors of the bounds of `sinkhorn` over its sweeps, from the bounds of all runs."""
+    """Draw how the errors of both bounds become smaller with the sweeps, for each run.
+
+    Errors are measured from the narrowest bounds that all runs together prove.
+    """
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
         return None
@@ -145,18 +154,21 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
 
 
 def _legend(made: Figure, axis: Axes, columns: int) -> None:
-    """Draw the legend of all labels in these axes above them."""
+    """Draw a legend with all labels of these axes above them."""
     handles, names = axis.get_legend_handles_labels()
     legend(made, handles, names, columns)
 
 
 def error_axis(axis: Axes, *, vertical: bool = True) -> None:
-    """Make a logarithmic axis of errors, in powers of ten, with a note at its end."""
+    """Make an axis of errors logarithmic, with ticks at powers of ten.
+
+    If the axis begins at `FLOOR`, a note explains it.
+    """
     which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # The ends are powers of ten, because there may be no power of ten between them otherwise.
+    # The limits are powers of ten. Otherwise there may be no power of ten between them.
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -171,7 +183,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
 
 
 def seconds_axis(which: Axis) -> None:
-    """Set a logarithmic vertical axis of times with plain numbers: 0.2 instead of 2 * 10^-1."""
+    """Make the vertical axis of times logarithmic, with plain numbers: 0.2, not 2 * 10^-1."""
     which.axes.set_yscale("log")
     low, high = which.get_view_interval()
     subs = (1, 2, 5) if high < 300 * low else (1,)
@@ -181,7 +193,7 @@ def seconds_axis(which: Axis) -> None:
 
 
 def floored(error: float | None) -> float:
-    """Return an error of at least `FLOOR`; a missing error becomes NaN, a gap in the line."""
+    """Return the error, or `FLOOR` if this is larger; NaN for a missing error."""
     return float("nan") if error is None else max(error, FLOOR)
 
 
@@ -194,13 +206,16 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Check whether a run succeeded in a scene whose bounds do not contradict each other."""
+    """Check whether a run of a scaling study succeeded, so that it has a time."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Draw errors over temperature in the longest scenes, a line for each number of targets."""
+    """Draw errors over temperature, lines for each number of targets.
+
+    The scenes are those with the largest number of steps.
+    """
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
     several = len(runs) > len(document["sizes"])
@@ -217,7 +232,10 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
-    """Draw time and error over targets in the longest scenes, and over steps in the largest."""
+    """Draw time and error over the number of targets, and over the number of steps.
+
+    The first are for the scenes with the most steps, the second for those with the most targets.
+    """
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
         return None
@@ -227,7 +245,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
         chosen = [size for size in sizes if size[fixed] == largest[fixed]]
         if len(chosen) > 1:
             rows.append((varied, fixed, sorted(chosen, key=itemgetter(varied))))
-    # A panel of errors is drawn only if there are errors.
+    # Panels of errors are drawn only if there are errors above `FLOOR`.
     with_errors = any(
         _has_errors(run["error"]["max"] for size in chosen for run in size["solvers"])
         for _, _, chosen in rows
@@ -261,7 +279,10 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Draw lines of the errors, and return the names of runs without errors."""
+    """Draw the errors of each solver over the field `varied`; return solvers without errors.
+
+    `chosen` are the sizes of the study that are drawn.
+    """
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
         errors = [size["solvers"][k]["error"] for size in chosen]
@@ -277,7 +298,7 @@ def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> li
 
 
 def _ticks(axis: Axes, x: Sequence[float], form: str = "g") -> None:
-    """Set a logarithmic axis with ticks at these values only."""
+    """Make the horizontal axis logarithmic, with ticks only at these values."""
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
@@ -292,7 +313,10 @@ def _line(
     floor: float,
     style: Style,
 ) -> None:
-    """Draw means with a band of one standard deviation, not below `floor`; skip failed runs."""
+    """Draw the k-th line, of means, with a band of one standard deviation above and below.
+
+    Neither is drawn below `floor`. Runs without a mean have failed, and are left out.
+    """
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
         for at, value in zip(x, values, strict=True)
@@ -315,12 +339,15 @@ def _line(
 def draw_cumulative(
     costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
 ) -> Figure | None:
-    """Draw the cost up to each step, a line for each estimate, from times and costs by name."""
+    """Draw the sum of the costs up to each step, a line for each estimate.
+
+    `costs_of_steps` has the times of the steps, and the cost of each step by name of the estimate.
+    """
     times, series = costs_of_steps
     if not any(series.values()):
         return None
     made, ((axis,),) = figure(style.width, TALL * style.low + 0.04 * style.mark * len(series))
-    lines, names = [], []  # not labels, as a legend hides labels that begin with _
+    lines, names = [], []  # names are no labels, because a legend hides labels that begin with _
     time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
@@ -336,7 +363,7 @@ def draw_cumulative(
 
 
 # -------------------------------------------------------------------------------------------------
-# Pictures of a sweep of a parameter: value, costs and counts over it.
+# Picture of a sweep: TGOSPA, costs and counts over the values of a parameter.
 
 AXIS_NAMES = {
     "cutoff": "cutoff $c$",
@@ -345,17 +372,19 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""An axis is logarithmic if the lower half of its values is within this share of its range."""
+"""Share of the range of an axis, from its low end. If half of the values are within it, the axis is
+logarithmic."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
-    """Draw small multiples: the value and the four costs above, counts below the costs.
+    """Draw a panel for each of these values over the parameter: four parts, TGOSPA, three counts.
 
-    A grey band marks parameters for which the counts of missed and false targets are constant.
+    A grey band marks the range of the parameter over which the counts of missed and false targets
+    are constant.
     """
     table: Columns = sweep.columns()
     x = [point.value for point in sweep.points]
-    rows = 2 if style.wide else 4  # a column of a journal has room for two panels
+    rows = 2 if style.wide else 4  # one column of a journal has room for two panels
     made, axes = figure(style.width, 0.75 * rows * style.low, rows, 8 // rows)
     panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
     panels |= {f"number, {name}": f"{name}_count" for name in COUNTED_PARTS}
@@ -369,7 +398,7 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
             axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
         label(axis, "", "" if k else "cost", title)
     band = sweep.unchanged("missed_count", "false_count")
-    # Values with evenly spaced logarithms crowd at the low end.
+    # Values with evenly spaced logarithms would crowd at the left of a linear axis.
     low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
     crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
     for axis in axes.flat:
@@ -394,15 +423,15 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
 
 
 # -------------------------------------------------------------------------------------------------
-# Pictures of a batch: values side by side, parts of the costs, curves over steps.
+# Pictures of a batch: table of jobs, parts of the costs, curves over time; and of a gate.
 
 MAX_BARS = 40
 
 PANEL = 0.62
-"""Height of one of several panels, relative to a single panel."""
+"""Height of a panel if there are several, relative to the height of a single panel."""
 
 MAX_BELOW = 4
-"""Largest number of panels in one column; if there are more, they are in two columns."""
+"""Largest number of panels below each other. If there are more, they are in two columns."""
 
 ROW = 0.21
 """Height of a row of text in inches."""
@@ -411,13 +440,15 @@ ROW = 0.21
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Draw the totals of runs of the baseline and of now, relative to the mean of the baseline.
+    """Draw the totals of the runs of a gate, and those of its baseline.
+
+    All are shown relative to the mean of the baseline.
 
     Parameters
     ----------
     scenes : mapping of str to pair of sequences of float
-        For each scene, totals of the baseline and current totals. Scenes with the largest changes
-        are drawn.
+        For each scene, the totals of the baseline's runs and of the current runs. If there are many
+        scenes, those whose mean changed most are drawn.
     style : Style
         Sizes.
     """
@@ -445,7 +476,7 @@ def draw_runs(
 
 
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
-    """Draw RMS-TGOSPA of runs over time with bands, a panel for each kind of curve.
+    """Draw the curves of all groups over time with their bands, a panel for each kind of curve.
 
     Parameters
     ----------
@@ -454,8 +485,8 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     style : Style
         Sizes.
     parts : bool
-        Whether to draw the parts instead of the total: parts one below the other, kinds of curves
-        side by side.
+        Whether to draw the parts of the cost instead of the total. Then each part has a row of
+        panels, and each kind of curve has a column.
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)
@@ -497,7 +528,10 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw all curves of each group over time in one figure: costs per step, counts and NEES."""
+    """Draw all lines of the curves of kind ``step``, a panel for each line.
+
+    These are costs per step, number of states, detection rate and NEES.
+    """
     curves = [(track, curve) for track, curve in tables.plotted_curves if curve.kind == "step"]
     lines = [
         name
@@ -526,7 +560,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
                 lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
-        if name == NEES:  # the line is the mean NEES of correct covariances
+        if name == NEES:  # the horizontal line is the mean NEES that correct covariances have
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
             components = next(sums.components for sums in rows if sums is not None)
             axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
@@ -544,12 +578,12 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw the curves of the parts."""
+    """Draw the curves of the parts of the cost."""
     return draw_curves(tables, style, parts=True)
 
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
-    """Draw a line with its band, and return the line."""
+    """Draw a line of a curve with its band, and return the line; `track` is its colour's index."""
     looks = line_looks(track, marked=len(at) == 1)
     looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
@@ -576,7 +610,10 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw the value per step of each cell; if rows are many, they go across, without numbers."""
+    """Draw the table of jobs as coloured cells, with the value per step in each cell.
+
+    If it has many rows, these become columns of the picture, and cells have no numbers.
+    """
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:
         return None
@@ -626,7 +663,7 @@ def _numbers(axis: Axes, heat: Json) -> None:
 
 
 def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
-    """Name rows from top to bottom, or columns."""
+    """Write names at the vertical axis if `upright`, else at the horizontal axis."""
     which = axis.yaxis if upright else axis.xaxis
     places = np.arange(len(names)) + 0.5
     which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)

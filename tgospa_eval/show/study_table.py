@@ -16,65 +16,68 @@ from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
 from tgospa_eval.show.table_text import PART_HEADS, Table, best_cells, between, parameters_of
 
 PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
-"""Columns of the parts, by their names in an option."""
+"""Part of the cost of each column of a part. The names of columns are those of the option."""
 
 OF_METRICS = {
     parts[0].lower() if metric != "gospa" else metric: (metric, parts[0])
     for metric, parts in COMPARED.items()
 }
-"""Columns of other metrics: hota, mota, idf1, gospa."""
+"""Metric and main value of each column of another metric: hota, mota, idf1 and gospa."""
 
 ALIASES = {"detection": "detection_rate", "error": "mean_error"}
-"""Short names of the numbers of the summary."""
+"""Short names that can be used for numbers of the summary."""
 
 COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_roots")
-"""Columns of a study that need no other metric; informative ones are the default."""
+"""Columns that need no other metric. They are the default, except those that would tell nothing."""
 
 INTERVAL = "95 % interval"
-"""Head of columns with confidence intervals of the value before them."""
+"""Head of a column with confidence intervals. They are about the values of the column before it."""
 
 MIN_P = 1e-4
-"""P value below which only this bound is shown."""
+"""Smallest p value that is shown as a number. Smaller ones are shown as "<0.0001"."""
 
 NARROW = 1e-9
-"""Relative distance of two bounds below which one number is shown."""
+"""Largest relative distance of two bounds at which they are shown as one number."""
 
 DISTINCT = 1e-10
-"""Relative difference up to which numbers differ only by rounding."""
+"""Relative difference of two numbers that can be an effect of rounding."""
 
 DIGITS, MAX_DECIMALS = 4, 6
-"""Digits of the largest value of a column, and limit of the decimals of all its values."""
+"""Number of significant digits of the largest value of a column, and the largest number of decimals
+of its values."""
 
 WIDE_COLUMNS = 7
-"""Number of columns from which LaTeX sets a table over both columns of a page."""
+"""Smallest number of columns of a table that LaTeX sets over both columns of a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyRow:
-    """One row: a tracker, or a group of jobs.
+    """Row of the main table: a tracker, or a group of jobs.
 
     Parameters
     ----------
     names : tuple of str
         Names that distinguish the row from others.
     jobs : str
-        Number of runs with a value, and number of all runs if some have none.
+        Number of runs with a value; "3 of 4" if some of all runs have none.
     steps, order : float
-        Mean number of steps of a run, and the order p.
+        Mean number of steps of the runs, and the order p.
     total : Interval
-        Mean total of a run, in state units to the power p.
+        Bounds of the mean total of the runs, in state units to the power p.
     costs : mapping of str to float
-        Mean cost of a run for each part.
+        Mean cost over the runs, for each part.
     confidence : pair of float, optional
-        95 % interval of `value`.
+        Ends of the 95 % interval of `value`.
     place : str
-        Proven place.
+        Proven place in words.
     p : float, optional
-        P value of the difference to the best, adjusted by Holm's method; NaN for the best itself.
+        P value of the difference to the best row, adjusted by Holm's method. NaN for the best row
+        itself, None if there was no test.
     mean_of_roots : float, optional
-        Plain mean of the values.
+        Mean over the runs of their own values per step.
     numbers : mapping of str to float
-        Other numbers by name: ``summary.rmse``, ``hota.HOTA``.
+        Numbers of the summary and of other metrics by name, such as ``summary.rmse`` and
+        ``hota.HOTA``.
     """
 
     names: tuple[str, ...]
@@ -91,22 +94,22 @@ class StudyRow:
 
     @property
     def value(self) -> Interval:
-        """RMS-TGOSPA, (sum of the totals / sum of the steps)^(1/p)."""
+        """Bounds of RMS-TGOSPA: (sum of the totals / sum of the steps)^(1/p) over the runs."""
         return self.rooted(self.steps)
 
     def rooted(self, steps: float = 1.0) -> Interval:
-        """Return the root of the total divided by `steps`."""
+        """Return the bounds of (total / `steps`)^(1/p)."""
         ends = ((end / steps) ** (1 / self.order) for end in (self.total.lower, self.total.upper))
         return Interval(lower=next(ends), upper=next(ends))
 
     def part(self, name: str) -> float:
-        """Return the root of a part per step."""
+        """Return (cost of the part / steps)^(1/p)."""
         root: float = (self.costs[name] / self.steps) ** (1 / self.order)
         return root
 
 
 def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of these columns, after a check that all exist.
+    """Check that these columns exist, and return their names.
 
     Raises
     ------
@@ -128,7 +131,10 @@ def checked_columns(columns: Iterable[str]) -> tuple[str, ...]:
 
 
 def value_name(order: float | None, jobs: int) -> str:
-    """Return the name of the value per step; `order` is None if rows have several orders."""
+    """Return the name of the value per step over this number of jobs.
+
+    `order` is None if rows have several orders.
+    """
     return "RMS-TGOSPA" if order == 2 and jobs > 1 else "TGOSPA per step"
 
 
@@ -149,20 +155,20 @@ def study_table(
     requested: Sequence[str] = (),
     caption: str = "",
 ) -> Table:
-    """Return the table.
+    """Return the main table.
 
     Parameters
     ----------
     rows : sequence of StudyRow
         Rows of the table, at least one.
     heads : sequence of str
-        Heads of the names of a row.
+        Heads of the columns with the names of a row.
     rivals : sequence of sequence of int
-        Groups of rows that compete with each other.
+        Groups of row indices. In each group, rows are compared to mark the best values.
     title : str
-        Head of the value.
+        Head of the column with the value per step.
     requested : sequence of str
-        Names of columns; by default the informative ones.
+        Names of the columns. By default these are `COLUMNS`, except those that would tell nothing.
     caption : str
         Caption of the table in LaTeX.
 
@@ -193,18 +199,22 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Check whether a column adds nothing: equal job counts, or rows in the proven order."""
+    """Check whether a column tells nothing: equal counts of jobs, or the places 1, 2, 3, ..."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
 
 
 Column = tuple[str, Sequence[str], list[Interval]]
-"""Head, cells, and values of which the smallest is the best; no values if none is marked."""
+"""Head, cells, and values by which the best cell is marked: the smallest value is the best. If no
+cell shall be marked, there are no values."""
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Yield the column of a name; if it is `wanted`, missing ``mean_of_roots`` are an error."""
+    """Yield the column with this name, if it exists.
+
+    If ``mean_of_roots`` does not exist although it is `wanted`, an error is raised.
+    """
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
     elif name == "tgospa":
@@ -244,14 +254,15 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
 
 
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
-    """Return a column of the summary, or of another metric.
+    """Return a column with a number of the summary, or of another metric.
 
-    If a number depends on the assignment, a best is marked only if all values are exact.
+    Numbers of the summary depend on the assignment. So the best of them is marked only if TGOSPA of
+    all rows is exact.
 
     Raises
     ------
     ConfigError
-        The rows lack the metric.
+        The rows lack the number.
     """
     metric, part = OF_METRICS.get(name, ("", ""))
     own = ALIASES.get(name, name).removeprefix(f"{SUMMARY}.")
@@ -278,7 +289,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Return the distance of each value above the smallest, without effects of rounding."""
+    """Return how far each value is above the smallest one, rounded so that equal values give 0."""
     smallest, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
     return [_exact(round((value.upper - smallest) / width)) for value in values]
@@ -299,13 +310,16 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Return values with the same number of decimals."""
+    """Format values with the same number of decimals; the largest has `digits` digits."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
 
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
-    """Return the value with the decimals of `largest`, or both ends if they then differ."""
+    """Format the bounds of a value: one number, or both if they look different.
+
+    They have as many decimals as `largest` needs for this number of significant digits.
+    """
     if not math.isfinite(value.upper):
         return "-"
     decimals = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
@@ -323,7 +337,11 @@ def costs_table(
     rivals: Sequence[Sequence[int]],
     caption: str = "",
 ) -> Table:
-    """Return TGOSPA of each row, and the total and its parts in state units^p, means over runs."""
+    """Return the table of costs: means over runs of the total and its parts, in state units^p.
+
+    A column before them has TGOSPA, the p-th root of the mean total. The parameters are those of
+    `study_table`.
+    """
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [
         (

@@ -1,6 +1,6 @@
 """Looks of pages and pictures: colours, patterns and sizes.
 
-Colours are distinct even without full colour vision. Parts of the cost differ in lightness and in
+Colours are distinct even for colour-blind readers. Parts of the cost differ in lightness and in
 hue, and have patterns as well.
 """
 
@@ -67,7 +67,8 @@ TRACK_COLOURS = (
     "#00766d",
     "#975c9f",
 )
-"""Colours of estimates, in turn, on white: neighbours differ in hue; white letters are legible."""
+"""Colours of estimates, in turn, on white. Neighbours differ in hue, and white letters are legible
+on each."""
 
 DARK_TRACK_COLOURS = (
     "#79b6f4",
@@ -83,24 +84,25 @@ DARK_TRACK_COLOURS = (
     "#4dc8ba",
     "#e5abec",
 )
-"""Colours of estimates on a dark screen, for dark letters."""
+"""Colours of estimates on a dark screen, on which dark letters are legible."""
 
 
 def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
-    """Return declarations of CSS: ``--missed: #b83a00``, and ``--track-0`` to the last track."""
+    """Return declarations of CSS variables: ``--missed: #b83a00;`` and ``--track-0`` and so on."""
     named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
     return " ".join(f"--{name}: {colour};" for name, colour in named.items())
 
 
 HEAT_LEVELS = 9
-"""Number of shades, from the colour of the paper."""
+"""Number of shades of the cells of a table. The first is the colour of the paper."""
 
 _DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
-"""Share of the full colour in the darkest shade, on which letters are still legible."""
+"""Share of the full colour in the last shade, so that letters on it are legible. It depends on the
+colour of the paper."""
 
 
 def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
-    """Return shades of one colour from light to full."""
+    """Return the shades of the cells of a table, from the colour of the paper to almost full."""
     paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
     darkest = _DARKEST[colours["paper"]]
     shares = (darkest * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
@@ -111,20 +113,23 @@ def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
 
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of Okabe and Ito, distinct in print and without full colour vision."""
+"""Colours of Okabe and Ito, which are distinct in print and for colour-blind readers."""
 
 MARKERS = "osD^vPX"
 DASHES = ("-", (0, (6, 2)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)), (0, (10, 2, 2, 2, 2, 2)))
 
 
 def line_looks(k: int, *, marked: bool = False) -> dict[str, Any]:
-    """Return colour and dashes of the k-th line, distinct in grey, and a marker if `marked`."""
+    """Return colour and dashes of the k-th line, and a marker if `marked`.
+
+    Dashes make lines distinct in print without colours.
+    """
     marker = {"marker": MARKERS[k % len(MARKERS)]} if marked else {}
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], **marker}
 
 
 DOTS = 150
-"""Dots per inch."""
+"""Dots per inch of a PNG by default."""
 
 MISSING = f"no pictures: they need the extra plot: {install('plot')}"
 
@@ -133,7 +138,8 @@ FILES: Mapping[str, dict[str, Any]] = {
     "svg": {"metadata": {"Creator": None, "Date": None}},
     "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
 }
-"""Formats, with metadata left out of each, so that files do not depend on time or author."""
+"""Formats of pictures, each with arguments for saving. These leave out metadata, so that files do
+not depend on the time and on versions."""
 
 
 def available() -> bool:
@@ -143,26 +149,28 @@ def available() -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """Sizes for one kind of pictures.
+    """Sizes and settings of all pictures in one style.
 
     Parameters
     ----------
     width : float
-        Width in inches.
+        Width of a picture in inches.
     low : float
         Height of a picture over time, in inches.
     dots : int
-        Dots per inch of a PNG, and of parts that are too large for a vector file.
+        Dots per inch of a PNG. Vector files have them for shapes that are too many and become
+        pixels.
     titles : bool
         Whether a picture has a title; papers have captions instead.
     bars : int
-        Largest number of bars; if there are more steps, a bar is the costliest of several steps.
+        Largest number of bars over time. If there are more steps, a bar is the costliest of several
+        steps.
     lanes : int
-        Largest number of true objects with a lane of their own. Estimates have half of that.
+        Largest number of true objects with a lane of their own. For estimates, it is half of that.
     worst : int
-        Number of bars for each kind of the worst steps and tracks.
+        Number of listed bars of the costliest steps, of true objects, and of estimates.
     settings : dict
-        Settings of matplotlib.
+        Settings of matplotlib (rcParams).
     """
 
     width: float
@@ -186,7 +194,8 @@ class Style:
 
 
 _BOTH = {"axes.titley": 1.0}
-"""Titles at the top, because searching for ticks there takes as long as drawing the text."""
+"""A fixed place of titles. By default matplotlib searches for ticks above the axes, which takes as
+long as drawing the text."""
 
 _SCREEN = {**_BOTH, "font.size": 9, "hatch.linewidth": 0.8}
 _PAPER = {
@@ -219,7 +228,8 @@ STYLES = {
         width=7.16, low=1.9, dots=400, titles=False, bars=600, lanes=40, worst=5, settings=_PAPER
     ),
 }
-"""``--style``: a window or a page of notes; one or both columns of a journal, without titles."""
+"""Styles by value of ``--style``. ``screen`` is for windows and notes, the others are for one or
+both columns of a journal, without titles."""
 
 INK, SOFT = LIGHT["ink"], LIGHT["soft"]
 MISSED, FALSE = LIGHT["missed"], LIGHT["false"]
@@ -234,7 +244,7 @@ FILLS: Mapping[str, dict[str, Any]] = {
 """Fills of the parts of the cost, with patterns for output without colours."""
 
 UNJUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
-"""Looks of bars of steps that are not judged, drawn over everything else."""
+"""Looks of bars of ignored and excused states, which are drawn over the other bars."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
@@ -247,7 +257,7 @@ LINES: Mapping[str, dict[str, Any]] = {
 
 @contextmanager
 def styled(name: str = "screen") -> Iterator[Style]:
-    """Apply the style to matplotlib, independently of the settings of the user.
+    """Set the settings of matplotlib to those of a style in the block, whatever the user has set.
 
     Raises
     ------

@@ -27,25 +27,25 @@ LATEX = {
 }
 
 LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
-"""Greek capitals without a command in LaTeX."""
+"""Greek capitals that have no command in LaTeX, and the Latin letters that look the same."""
 
-# Patterns are compiled when they are used: a small evaluation needs none.
+# Regular expressions are compiled when they are used: a small evaluation needs none of them.
 _NAMES = r"(?<!\w)@(?=\w)"
-"""Place where GitHub would notify a user by name."""
+"""Character in a text of Markdown by which GitHub would notify a user."""
 
 _LINKS = r":(?=//)|(?<=www)\."
-"""Place where an address becomes a link."""
+"""Character in an address by which Markdown makes it a link."""
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
-"""Beginning of a text that a spreadsheet reads as a formula, after added marks if any."""
+"""Begin of a text that a spreadsheet would read as a formula, possibly after apostrophes."""
 
-_NOT_LATIN = "[^\\0-\u024f\u0370-\u03ff\u2010-\u2027]"
+_NOT_LATIN = "[^\\0-\u024f\u0391-\u03c9\u2010-\u2027]"
 """Letters that pdflatex does not support."""
 
 _NUMBER = r"-?[\d,]+(\.\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
-"""Visible characters that XML 1.0 cannot express, escaped or not."""
+"""Visible characters that are not allowed in XML 1.0, not even escaped."""
 
 _XML = '[&<>"]'
 
@@ -58,7 +58,7 @@ def markdown(text: str) -> str:
 
 
 def markdown_code(text: str) -> str:
-    """Return a name as code of Markdown, without mentions of users or new cells."""
+    """Return a name as code of Markdown that neither notifies a user nor begins a new cell."""
     text = visible(text)
     if not text.strip() or any(mark in text for mark in "`|\\"):
         return f"<code>{''.join(map(_entity, text))}</code>"
@@ -70,7 +70,7 @@ def _entity(c: str) -> str:
 
 
 def latex(text: str) -> str:
-    """Escape a text for LaTeX, with Greek letters by name because pdflatex fails at them."""
+    """Escape a text for LaTeX. Greek letters become commands: pdflatex does not set them."""
     return "".join(
         LATEX.get(c) or (_greek(c) if "\u0370" <= c <= "\u03ff" else c) for c in visible(text)
     )
@@ -99,37 +99,37 @@ def _greek(letter: str) -> str:
         "psi",
         "omega",
     )
-    return rf"\ensuremath{{\{word.capitalize()}}}" if is_own else LATIN[letter]
+    return rf"\ensuremath{{\{word.capitalize()}}}" if is_own else LATIN.get(letter, letter)
 
 
 def latex_comment(text: str) -> str:
-    """Return the text as a comment line of LaTeX."""
+    """Return the text as a comment of LaTeX on one line."""
     return f"% {visible(text)}"
 
 
 def xml(text: str) -> str:
-    """Escape lines of text for an element or an attribute of XML."""
+    """Escape a text, which can have several lines, for an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
     text = re.sub(_NO_XML, lambda match: f"\\u{ord(match[0]):04x}", text)
     return re.sub(_XML, lambda match: f"&#{ord(match[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
-    """Escape lines of text as the message of a workflow command."""
+    """Escape a text of several lines as the message of a command of GitHub workflows."""
     text = "\n".join(map(visible, text.split("\n")))
     return text.replace("%", "%25").replace("\n", "%0A")
 
 
 def workflow_property(text: str) -> str:
-    """Escape a text as a property of a workflow command."""
+    """Escape a text as a property of a command of GitHub workflows, such as a file."""
     return workflow_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
 
 
 def csv_cell(value: object) -> object:
-    """Return a value for a CSV table, with a ' before texts that look like formulas.
+    """Return a value for a CSV table, with an apostrophe before a text that looks like a formula.
 
-    Texts that already have such marks before a formula get one more. So all texts stay different,
-    and the first ' before a formula was always added here. Numbers do not change.
+    A text that already has apostrophes before a formula gets one more. So different texts stay
+    different, and a reader can remove the first apostrophe before a formula. Numbers do not change.
     """
     if (
         isinstance(value, str)
@@ -141,52 +141,55 @@ def csv_cell(value: object) -> object:
 
 
 WIDTH = 80
-"""Columns of a terminal."""
+"""Width of texts for a terminal in characters."""
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Width to which the first column is shortened at most on a terminal. If texts would then be the
-same, the column gets wider, up to the second number."""
+"""In a table that is too wide, the first column is shortened, at most to `MIN_NAME_WIDTH`. If texts
+that differ would become the same, it is wider, up to `MAX_NAME_WIDTH`."""
 
 MIN_WORDS = 20
-"""Smallest width of a column of wrapped words."""
+"""Smallest width of a column whose texts are wrapped."""
 
 MAX_SMALL = 9
-"""Largest number of columns of a LaTeX table in small type; more have smaller type."""
+"""Largest number of columns of a LaTeX table in the type `small`; larger ones are `footnotesize`.
+"""
 
 DASHES = {"l": "---", "r": "---:"}
-"""Alignment of the cells of a column in Markdown."""
+"""Line below the head of a column in Markdown, by its alignment: left or right."""
 
 Row = Sequence[str | None]
-"""Formatted cells of a row; None is an empty cell without padding."""
+"""Cells of a row as text. None is an empty cell; in Markdown and LaTeX, it has no blank either."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """One table.
+    """Table whose cells are texts, for all formats.
 
     Parameters
     ----------
     head : sequence of str
         Names of the columns.
     rows : sequence of rows
-        Rows of cells; a row may have fewer cells than there are columns.
+        Rows of cells. A row can have fewer cells than there are columns.
     align : str
-        ``l`` or ``r`` for each column; by default ``l`` for labels and ``r`` for the others.
+        A letter for each column: ``l`` (left) or ``r`` (right). By default, it is ``l`` for the
+        columns of `labels`, and ``r`` for the others.
     labels : int
-        Number of first columns that distinguish rows.
+        Number of columns, from the first, whose texts distinguish rows.
     widths : sequence of int
-        Widths of the columns in plain text, with the blanks between them; by default as needed.
+        Widths of the columns in plain text, including the blanks between columns. By default,
+        columns are as wide as their cells.
     bold, underlined : frozenset of (int, int)
-        Row and column of each cell with a best value (bold in Markdown and LaTeX), and of each
-        with a second best value (underlined in LaTeX).
+        Indices of row and column of cells. The best values are bold in Markdown, LaTeX and HTML,
+        the second best values are underlined in LaTeX.
     ruled : tuple of int
-        Numbers of the rows that have a line above them in LaTeX.
+        Indices of the rows that have a line above them in LaTeX.
     wrapped : collection of int
-        Columns whose cells may continue on further lines in plain text. They do so if the table
-        would be too wide, or the cells are wider than their given width minus two.
+        Indices of columns whose cells can continue on further lines in plain text. They do so if
+        the table would be too wide, or if a cell is wider than the given width minus two.
     caption : str
-        Content of the table; LaTeX sets a table with a caption as a float.
+        Caption in LaTeX. A table with a caption is a float.
     is_wide : bool
         Whether the float spans both columns of a page.
     """
@@ -205,34 +208,35 @@ class Table:
 
     @property
     def sides(self) -> str:
-        """Alignment of each column, ``l`` or ``r``."""
+        """Letters of `align`, or its default."""
         return self.align or ("l" * self.labels).ljust(len(self.head), "r")
 
 
 def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
-    """Return a table from columns of cells by name; `looks` are other fields of the table."""
+    """Return a table from its columns by name; `looks` are other fields of `Table`."""
     rows = list(zip(*columns.values(), strict=True))
     return Table(head=tuple(columns), rows=rows, **looks)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """A report: title, lines about the problem, tables, notes.
+    """Content of a report, for all formats.
 
     Parameters
     ----------
     title : str
-        Answer in a sentence.
+        Main answer in a sentence.
     lines : sequence of str
-        Descriptions of the data and settings.
+        Sentences about the data and settings, below the title.
     tables : sequence of Table
         Tables of the report.
     warnings : sequence of str
-        Sources of settings, and faults of the data. On a terminal they are already on stderr.
+        Sources of settings, and warnings. The plain text lacks them, because they are printed on
+        stderr.
     notes : sequence of str
         Sentences below the tables.
     kind : str
-        Kind of the report, and commands for other reports.
+        What the report shows, and commands for other reports.
     """
 
     title: str
@@ -266,14 +270,14 @@ def as_markdown(document: Document) -> str:
 
 
 def as_latex(document: Document, *, aligned: bool = False) -> str:
-    """Return the tables for the package booktabs, with the other text as comments.
+    """Return the tables of a report for the LaTeX package booktabs; all other text is in comments.
 
     Parameters
     ----------
     document : Document
         Report to write.
     aligned : bool
-        Whether to align digits with the package siunitx.
+        Whether to align the digits of numbers by the package siunitx.
     """
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
@@ -295,7 +299,7 @@ def as_html(document: Document) -> str:
 
 
 def _html_lines(table: Table) -> Iterator[str]:
-    """Yield the lines of the table in HTML."""
+    """Yield the lines of a table in HTML."""
     yield '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
     for k, row in enumerate(_cells(table, xml, "<b>{}</b>")):
         kind = "td" if k else "th"
@@ -314,7 +318,7 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "siunitx": partial(as_latex, aligned=True),
     "html": as_html,
 }
-"""Writers of a document by format; HTML is for notebooks only."""
+"""Function that writes a `Document`, by format. HTML is only for notebooks."""
 
 
 def rendered(
@@ -324,18 +328,32 @@ def rendered(
     json: Callable[[T], str],
     columns: Callable[[T], Columns],
 ) -> str:
-    """Return a subject in the format of ``--format``, with the function for that format."""
+    """Return a subject as text in the format of ``--format``.
+
+    Parameters
+    ----------
+    format : str
+        Key of `WRITERS`, or ``"json"`` or ``"csv"``.
+    subject : object
+        What to write, such as a batch.
+    document, json, columns : callable
+        Functions of the subject that return its `Document`, its JSON and its table for CSV.
+    """
     if format == "json":
         return json(subject)
     return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
 
 
 def csv_text(table: Columns) -> str:
-    """Return a table as CSV: None is empty, numbers are full doubles, no text is a formula."""
+    """Return a table as CSV. None becomes an empty field, and numbers have all their digits.
+
+    Texts are changed by `csv_cell`.
+    """
     import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The writer quotes fields with a character of its line end, so this is CR LF. Lines get LF.
+    # The line end of the writer is CR LF, so that it quotes fields with CR or LF. Each line is then
+    # ended by LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -344,7 +362,7 @@ def csv_text(table: Columns) -> str:
 
 
 def _csv_column(column: Sequence[object]) -> Sequence[object]:
-    """Return a column of a table, with each distinct text checked once, and numbers unchecked."""
+    """Return a column after `csv_cell`, which is called only once for each different text."""
     if not any(issubclass(kind, str) for kind in set(map(type, column))):
         return column
     cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
@@ -352,9 +370,10 @@ def _csv_column(column: Sequence[object]) -> Sequence[object]:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Return rows for a terminal, in columns as wide as the table says or as the widest cell.
+    """Return the lines of a table in plain text.
 
-    A first cell that is longer than its column has a line of its own.
+    Columns are as wide as `Table.widths` says, or as their widest cell. If the first cell of a row
+    is longer than its column, it has its own line.
     """
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
     widths, between = table.widths, ""
@@ -382,7 +401,10 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
 def markdown_lines(
     table: Table, blank: str = "", escape: Callable[[str], str] = markdown
 ) -> list[str]:
-    """Return rows of Markdown, with `blank` around the dashes and `escape` applied to cells."""
+    """Return the lines of a table in Markdown.
+
+    `blank` is put around the dashes below the head, and `escape` is applied to each cell.
+    """
     rows = [
         "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
         for row in _cells(table, escape, "**{}**")
@@ -392,7 +414,7 @@ def markdown_lines(
 
 
 def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
-    """Yield the table for the package booktabs, with numbers for siunitx if `aligned`."""
+    """Yield the lines of a table in LaTeX; the parameters are those of `as_latex`."""
     sides, bold = list(table.sides), r"\textbf{{{}}}"
     numeric = [
         k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
@@ -416,7 +438,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # After the end of a row LaTeX reads a bracket or a star as an option.
+        # LaTeX would read a bracket or a star at the begin as an option of the row end before it.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
@@ -433,7 +455,7 @@ def _is_numeric(table: Table, column: int) -> bool:
 
 
 def _of_siunitx(text: str, cell: str) -> str:
-    """Return a number for a column of siunitx; `cell` is its text in another column."""
+    """Return a number for a column of siunitx; `cell` is the same number for other columns."""
     plain = text.replace(",", "")
     if cell.startswith(r"\textbf"):
         return rf"\bfseries {plain}"
@@ -443,7 +465,10 @@ def _of_siunitx(text: str, cell: str) -> str:
 def _cells(
     table: Table, escape: Callable[[str], str], bold: str, underlined: str = "{}"
 ) -> Iterator[list[str | None]]:
-    """Yield the head and the rows, all escaped and of the same length."""
+    """Yield the head and the rows with escaped cells, all of the same length.
+
+    `bold` and `underlined` are formats for the best and second best cells.
+    """
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
         forms = (looks.get((k, at), "{}") for at in range(len(row)))
@@ -452,12 +477,15 @@ def _cells(
 
 
 def clip(line: str, width: int = WIDTH) -> str:
-    """Return the line with visible characters, cut to a width."""
+    """Return the line by `clipped`, so that it is not wider than a terminal."""
     return clipped(line, width)
 
 
 def wrap(text: str, indent: str = INDENT, width: int = WIDTH) -> list[str]:
-    """Return the visible text on lines, indented from the second on; ids are not split."""
+    """Split a text into lines at blanks, with `indent` before each line except the first.
+
+    Invisible characters are escaped. Words are not split at hyphens, which ids can have.
+    """
     shown = visible(text)
     return textwrap.wrap(shown, width, subsequent_indent=indent, break_on_hyphens=False) or [""]
 
@@ -467,11 +495,12 @@ def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(table: Table) -> list[str]:
-    """Return lines of a table with columns as wide as their contents.
+    """Return the lines of a table in plain text that are not wider than a terminal.
 
-    If a line is too long, texts of the first column are shortened, but stay different. Columns that
-    still do not fit are listed below, again after the first column. Other columns that distinguish
-    rows are repeated, too, if at least half of the line is left. Given widths are kept.
+    If the table is too wide, texts of the first column are shortened, but stay different. Columns
+    that still do not fit are in another table below, again after the first column. Other columns
+    that distinguish rows are repeated there, too, if at least half of the line is left for values.
+    A table with given widths or wrapped columns is written by `text_lines`.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -505,7 +534,11 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: what the others leave, or what its texts need."""
+    """Return the width of the first column: the room that other columns leave, if it is enough.
+
+    If not, it is the smallest width at which different texts stay different. It is at most
+    `MAX_NAME_WIDTH`.
+    """
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
     width = min(MIN_NAME_WIDTH, longest)
@@ -516,7 +549,10 @@ def _first_width(texts: list[str], other_widths: int) -> int:
 
 
 def _that_fit(widths: list[int], room: int) -> list[list[int]]:
-    """Group the columns after the first into groups that fit; a wider column is one group."""
+    """Divide the columns after the first into groups that fit into `room`.
+
+    A column that is wider than `room` is a group by itself.
+    """
     groups: list[list[int]] = [[]]
     used = 0
     for k, width in enumerate(widths[1:], start=1):
@@ -529,7 +565,7 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """Return the end of a long name, where paths differ; the vs of "vs NAME" is kept."""
+    """Return a name by `ending`; the begin of "vs NAME" is kept."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
@@ -538,19 +574,19 @@ def _short(text: str, width: int) -> str:
 # Words and numbers that all documents of `compare` use.
 
 PART_HEADS = ("local.", "missed", "false", "switch")
-"""Heads of narrow columns for the parts of the cost."""
+"""Heads of columns for the parts of the cost, short enough for narrow columns."""
 
 Rule = Literal["stone_soup", "mathworks"]
 
 RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
-"""Rules of other programs for switches after per-step GOSPA."""
+"""Names of other programs by the rule with which they count switches after per-step GOSPA."""
 
 EXACT = 1e-9
-"""Relative error below which errors count as zero, because they vary between machines."""
+"""Errors below this fraction are not shown as numbers, because they depend on the machine."""
 
 TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
 TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
-"""Commands for other comparisons."""
+"""Texts with the commands for other comparisons."""
 
 SPLIT_NOTE = (
     "split, not proven: localisation, missed, false and switch are those of the best assignment "
@@ -559,18 +595,18 @@ SPLIT_NOTE = (
 
 
 def or_dash(value: float | None, form: str) -> str:
-    """Format a number, or a dash."""
+    """Format a number, or write a dash for None."""
     return "-" if value is None else f"{value:{form}}"
 
 
 def between(low: float, high: float, form: str = ",.6g") -> str:
-    """Return one number if both ends look the same, otherwise both."""
+    """Format an interval: one number if both ends look the same, otherwise both."""
     texts = [f"{end:{form}}" for end in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
 def error_of(value: float | None) -> str:
-    """Format a relative error in powers of ten."""
+    """Format a relative error like 1.2e-05; a dash for None."""
     if value is None:
         return "-"
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
@@ -579,7 +615,7 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Return entries of rows as columns, with `before` in front of their names."""
+    """Return these entries of all rows as columns; `before` begins the names of the columns."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
@@ -590,7 +626,7 @@ def unit_of(parameters: Mapping[str, Any]) -> str:
 
 
 def size_of(sizes: Mapping[str, int]) -> str:
-    """Return the size of a problem in words."""
+    """Format the size of the problem that a solver gets."""
     return (
         f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
@@ -602,7 +638,7 @@ LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Format the given parameters of the metric, and the distance."""
+    """Format the parameters of the metric that are there, then `end`, then the distance."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -626,25 +662,28 @@ def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[st
 
 
 # -------------------------------------------------------------------------------------------------
-# A proven order in words: places, who is best, what verdicts mean.
+# A proven order in words. A verdict is what is proven about the order of two values.
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
-"""Verdicts as written in tables."""
+"""Verdicts by their displayed names in tables."""
 
 PROOFS = {
     "less": "proven: the upper bound of one is below the lower bound of the other",
     "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
     "not separated": "open: the bounds of both overlap",
 }
-"""Explanations of the verdicts."""
+"""Explanation of each verdict."""
 
 
 MAX_NAMED = 8
-"""Largest number of names in a sentence; a table has all of them."""
+"""Largest number of names in a sentence. A table has all of them."""
 
 
 def first_names(groups: Sequence[Sequence[str]]) -> str:
-    """List the first names with commas and equal names with ``=``, and count the rest."""
+    """Return the first `MAX_NAMED` names, and the number of the rest.
+
+    There are commas between groups, and ``=`` between the names of a group, which are equal.
+    """
     left, texts = MAX_NAMED, list[str]()
     for group in groups:
         if left > 0:
@@ -654,7 +693,7 @@ def first_names(groups: Sequence[Sequence[str]]) -> str:
 
 
 def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -> str:
-    """Return the order as a sentence.
+    """Return a sentence on the proven order of all entries, or on the best one.
 
     Parameters
     ----------
@@ -663,7 +702,8 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
     entries : sequence of dict
         Entries in the order of the values: each has a ``name`` and its best and worst ``place``.
     pairs : sequence of dict
-        Names of the ``first`` and the ``second``, in this order, and the proven ``verdict``.
+        All pairs of entries: the names ``first`` and ``second`` in the order of the entries, and
+        the proven ``verdict``.
     """
     names = [entry["name"] for entry in entries]
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in pairs}
@@ -692,7 +732,10 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Return entries proven to have this place, alone or shared; none if all entries have it."""
+    """Return the indices of entries that are proven to have this place, even if they share it.
+
+    The list is empty if all entries have the place.
+    """
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
 
@@ -700,14 +743,16 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Return the row and column of each value proven to have this `place` among its rivals.
+    """Return the indices of row and column of each value that is proven to have this place.
 
     Parameters
     ----------
     columns : mapping of int to sequence of Interval
-        Columns to compare, with the values of all rows.
+        Values of all rows for each column, by the index of the column. The smallest is the best.
     rivals : iterable of sequences of int
-        Groups of rows that compete with each other.
+        Groups of row indices. Values are compared within each group.
+    place : int
+        The place, 1 for the best values.
     """
     return frozenset(
         (rows[k], column)
@@ -718,13 +763,13 @@ def best_cells(
 
 
 def equal_names(pairs: Iterable[Json]) -> set[str]:
-    """Return names that share a place, because they are proven to be equal."""
+    """Return the names that are proven to be equal to another name, and so share its place."""
     equal = [pair for pair in pairs if pair["verdict"] == "equal"]
     return {pair[name] for pair in equal for name in ("first", "second")}
 
 
 def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:
-    """Format the range of possible places, or a single place, with = if it is shared."""
+    """Format possible places: "2-4", or "2" if only one is possible, or "2=" if it is shared."""
     if best < worst:
         return f"{best}-{worst}"
     return f"{best}=" if shared else f"{best}"

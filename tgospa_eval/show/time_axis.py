@@ -1,4 +1,4 @@
-"""Ticks of a time axis at round times, and their names without the common part."""
+"""Time axes: positions of steps, ticks at round times, and their names."""
 
 import math
 from collections.abc import Sequence
@@ -12,14 +12,15 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
-"""Largest ratio of the length of a recording to the sum of its typical steps that is to scale."""
+"""Largest ratio of the mean gap between steps to the typical gap at which a time axis is to scale.
+With larger gaps, steps are evenly spaced."""
 
 TYPICAL_QUANTILE = 0.9
-"""Quantile of the gaps that is the typical gap between neighbouring steps."""
+"""Quantile of the gaps between neighbouring steps that counts as the typical gap."""
 
 DAY = 86_400.0
 WHOLE = 2.0**53
-"""Number below which a browser has all integers exactly."""
+"""Limit below which a browser represents all integers exactly."""
 
 
 def describe_times(times: Sequence[Time]) -> Json:
@@ -33,10 +34,10 @@ def describe_times(times: Sequence[Time]) -> Json:
     Returns
     -------
     dict
-        ``values``: positions of the times, or None for the kinds ``"number"`` and ``"step"``.
-        ``kind``: ``"number"``, the times themselves; ``"stamp"``, integers relative to the first,
-        which is ``origin``; ``"date"``, seconds since midnight of the day ``origin``; or
-        ``"step"``, numbers of steps.
+        ``kind`` tells what the positions on the axis are. ``"number"``: the times themselves.
+        ``"stamp"``: differences of integers to the first one, which is ``origin``. ``"date"``:
+        seconds since midnight of the day ``origin``. ``"step"``: indices of the steps. ``values``
+        has the positions, or is None for ``"number"`` and ``"step"``.
     """
     kind, origin, values = "number", "", None
     if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
@@ -48,7 +49,7 @@ def describe_times(times: Sequence[Time]) -> Json:
 
 
 def readable(times: Sequence[Time]) -> list[Time]:
-    """Return times as they were read; numbers that a browser cannot hold exactly become texts."""
+    """Return the times; numbers that a browser cannot represent exactly become texts."""
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
@@ -71,13 +72,13 @@ def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
 
 
 def _typical_gap(values: Floats) -> tuple[Floats, float]:
-    """Return the gaps between steps, and the typical gap."""
+    """Return the differences of neighbouring values, and the typical difference."""
     gaps = np.diff(values / 2) * 2 if len(values) > 1 else np.ones(1)
     return gaps, float(np.quantile(gaps, TYPICAL_QUANTILE, method="lower"))
 
 
 def uneven(values: Floats) -> bool:
-    """Check whether gaps would take most of the axis, or whether values do not increase."""
+    """Check whether an axis cannot be to scale: times do not increase, or gaps would fill it."""
     gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -85,13 +86,13 @@ def uneven(values: Floats) -> bool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Axes of the charts of pages: ticks at round numbers, and room above.
+# Axes: ticks at round numbers, and room above lines.
 
 ROOM = 1.05
-"""Height of a chart, relative to its highest value."""
+"""Upper end of a vertical axis, relative to the highest value."""
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
-"""Round numbers of seconds within a day."""
+"""Possible distances of ticks in seconds, if they are shorter than a day."""
 
 DAYS = (1, 2, 5, 7, 14, 28, 91, 182, 364)
 FORMS = "%Y-%m-%d", "%Y"
@@ -99,14 +100,14 @@ FORMS = "%Y-%m-%d", "%Y"
 
 @dataclass(frozen=True, kw_only=True)
 class TimeAxis:
-    """Positions of the steps on an axis of time, and its ticks.
+    """Time axis: positions of the steps, and ticks.
 
     Parameters
     ----------
     times : sequence of int, float or str
         Times of all steps, as they were read.
     axis : dict
-        Description of the axis by `describe_times`.
+        Description of these times by `describe_times`.
     """
 
     times: Sequence[Time]
@@ -114,7 +115,7 @@ class TimeAxis:
 
     @classmethod
     def of(cls, times: Sequence[Time]) -> "TimeAxis":
-        """Return the time axis of times as they were read."""
+        """Return the axis of times as they were read."""
         return cls(times=times, axis=describe_times(times))
 
     @cached_property
@@ -131,9 +132,9 @@ class TimeAxis:
 
     @cached_property
     def edges(self) -> tuple[Floats, Floats]:
-        """Begin and end of each step: the middle between it and its neighbours.
+        """Begin and end of each step on the axis: halfway to the steps before and after it.
 
-        Next to a gap, the begin or end is half the typical distance from the step.
+        If a neighbour is more than two typical gaps away, it is half a typical gap away instead.
         """
         if not len(self.at):
             return self.at, self.at
@@ -146,7 +147,7 @@ class TimeAxis:
 
     @cached_property
     def shared(self) -> str:
-        """Common beginning of times that are texts, such as the date."""
+        """Common begin of all times that are texts, such as the date; blank if there is none."""
         if len(self.labels) < 2:
             return ""
         first, last = self.labels[0], self.labels[-1]
@@ -154,7 +155,10 @@ class TimeAxis:
         return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
 
     def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
-        """Return positions and names of ticks, and the axis name; `room` is in characters."""
+        """Return positions of ticks from `low` to `high`, their names, and the name of the axis.
+
+        `room` is the length of the axis in characters, into which the names must fit.
+        """
         if len(self.labels) == 1:
             return [(low + high) / 2], list(self.labels), "time"
         make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
@@ -162,7 +166,7 @@ class TimeAxis:
             places, names, title = make[self.axis["kind"]](low, high, count)
             if len(places) * (max(map(len, names), default=0) + 2) <= room:
                 break
-        if self.axis["kind"] == "stamp":  # only integers from 0
+        if self.axis["kind"] == "stamp":  # ticks only at integers, and not before the first time
             kept = [(at, f"{at:,.0f}") for at in places if at >= 0 and at == round(at)]
             places, names = [at for at, _ in kept], [name for _, name in kept]
             title = f"time from {self.axis['origin']}"
@@ -170,12 +174,15 @@ class TimeAxis:
         return places, names, title
 
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Return ticks at round times of day or at days; the axis name has the common part."""
+        """Return ticks at round times of day or at days.
+
+        If all have the same day or year, only the name of the axis has it.
+        """
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
         try:
             times = [origin + timedelta(seconds=at) for at in (*places, low, high)]
-        except OverflowError:  # years beyond 9999
+        except OverflowError:  # a year after 9999
             return self._steps(low, high, count)
         one_day, one_year = (len({time.strftime(form) for time in times}) == 1 for form in FORMS)
         form = "" if one_day else "%m-%d " if one_year else "%Y-%m-%d "
@@ -189,7 +196,7 @@ class TimeAxis:
         return places, names, f"time{suffix}"
 
     def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-        """Return ticks at steps with round distances, evenly spaced."""
+        """Return ticks at steps whose indices are round numbers, for an axis of step indices."""
         first, last = max(math.ceil(low), 0), min(math.floor(high), len(self.labels) - 1)
         if last - first < count:
             steps = list(range(first, last + 1))
@@ -201,7 +208,11 @@ class TimeAxis:
 
 
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
-    """Return round numbers; if they are large and close, differences from a round number."""
+    """Return ticks at round numbers.
+
+    If these are large and close to each other, their names are the differences to a round number,
+    which is in the name of the axis.
+    """
     places, base = nice(low, high, count), 0.0
     if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
         size = 10.0 ** math.ceil(math.log10(high - low)) if high > low else 1.0
@@ -211,7 +222,7 @@ def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str
 
 
 def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
-    """Return positions of ticks in seconds, and the distance between them."""
+    """Return positions of about `count` ticks at round times, and their distance, in seconds."""
     raw = (high - low) / count * (1 - 1e-9)
     if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
         places = nice(low, high, count)

@@ -61,6 +61,7 @@ def test_csv_cells_are_no_formulas_and_can_be_had_back() -> None:
     [
         ("γ_1", r"\ensuremath{\gamma}\_1"),
         ("Σ α", r"\ensuremath{\Sigma} \ensuremath{\alpha}"),
+        ("Ϸ Ͱ", "Ϸ Ͱ"),
         ("Αο", "Ao"),
         ("ς λ", r"\ensuremath{\varsigma} \ensuremath{\lambda}"),
     ],

@@ -51,7 +51,8 @@ PREFIX = "TGOSPA_EVAL_"
 """Prefix of the environment variables that set options."""
 
 TARGET = "tgospa_eval.target"
-"""Key of the click context for the target of ``--against``: the configuration is read from it."""
+"""Key of the context for the target of ``--against``, None for a wrong one. Only its configuration
+is read."""
 
 IGNORED = "tgospa_eval.ignored"
 """Key of the click context for environment variables that are ignored because of a target."""
@@ -213,8 +214,10 @@ def load_config(
         if isinstance(item, Option) and item is not parameter and item.envvar
     }
     target: Target | None = ctx.meta.get(TARGET)
-    if target is None:
+    if TARGET not in ctx.meta:
         used = config.load(path, _keys, TRUSTED_KEYS)
+    elif target is None:  # a wrong target: its error follows, and no file of the branch counts
+        used = None
     else:
         read = target.read if path is None else target.demand
         used = config.load(path, _keys, TRUSTED_KEYS, read)

@@ -1,10 +1,13 @@
-"""Warnings about two sides before anything is solved: clocks, units, axes. Prints nothing.
+"""Warnings about truth and estimate before anything is solved: clocks, units, axes.
 
-A warning changes no number. It is raised in three cases: a correction would at least halve the
-per-step GOSPA cost, pairs are near only by chance, or a side has values that cannot be intended.
-For a clock, that cost leaves out objects that are missed or false with both clocks.
+A warning changes no number. A suspected fault of the clock, the units, the axes or the origin is
+corrected as a trial. There is a warning if this at least halves the per-step GOSPA cost. For the
+clock, this cost leaves out objects that are missed or false before and after the correction.
 
-`default_notice` states whether default parameters suit the data.
+Other warnings need no trial: pairs that are near only by chance, values that cannot be intended,
+timestamps that nearly match or do not match, outages of the estimate, and gaps of the truth.
+
+`default_notice` says whether default parameters suit the data.
 """
 
 import itertools
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
 def diagnose(
     sides: "AlignedPair", request: "EvaluationRequest", *, sound: bool = False
 ) -> list[Notice]:
-    """Return warnings about two sides, and about gaps of the truth.
+    """Return all warnings about truth and estimate.
 
     Parameters
     ----------
@@ -50,10 +53,10 @@ def diagnose(
     request : EvaluationRequest
         Request for these sides.
     sound : bool
-        Whether clocks and states are known to be without faults.
+        Whether the clock and the states are known to have no fault, so no trial is needed.
     """
     aligned, parameters = sides.alignment, request.parameters
-    if aligned.reports is not None:  # reports are compared at their timestamps
+    if aligned.reports is not None:  # reports are compared with the truth at their own timestamps
         for (truth, reports), _ in itertools.islice(aligned.reports.blocks(), 1):
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
@@ -75,7 +78,10 @@ def diagnose(
 
 
 def in_other_axes(notice: Notice, crs: str) -> Notice:
-    """Return a warning about exchanged axes, with the axes that undo the exchange as remedy."""
+    """Return the warning; if it is of exchanged axes and `crs` is local, add the remedy.
+
+    The remedy is the other order of local axes, ``enu`` or ``ned``, in `crs`.
+    """
     name, turned = crs[:3], crs[3:]
     if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem sw"):
         return notice
@@ -86,7 +92,10 @@ def in_other_axes(notice: Notice, crs: str) -> Notice:
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
-    """Yield notices about the steps of sides: interpolated states, and states that are not used."""
+    """Yield notices about how both sides were brought to their steps.
+
+    They count interpolated states, reports on a common clock, and states that are not used.
+    """
     if axis.made is not None:
         side, (between, own, unused) = axis.made
         gap = matching.gaps[0]
@@ -124,7 +133,11 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
 
 
 def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
-    """Warn of declared steps that seem moved by one: a row is left out, and a step is empty."""
+    """Warn of declared steps that seem wrong by one.
+
+    This is so if there are rows at only one time outside of them, which would be the next step at
+    one end, while the step at the other end has no row.
+    """
     if matching.steps is None or not any(sides.axis.left_out):
         return []
     ticks = sides.axis.horizon.times
@@ -150,7 +163,7 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
 
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
-    """Warn of stretches without estimates, with their length and cost."""
+    """Warn of outages of the estimate, with their length and cost."""
     outages = axis.outages
     if outages is None:
         return []
@@ -181,7 +194,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
 
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
-    """Warn of gaps of the truth, and of estimates in them."""
+    """Warn of gaps of an interpolated truth, and of estimates in them."""
     if sides.axis.made is None:
         return []
     parameters, matching = request.parameters, request.time_matching
@@ -254,32 +267,34 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
 
 
 MULTIPLE = 3
-"""Suggested cutoff in median errors; 99.8 % of normal errors in a plane are smaller."""
+"""A suggested cutoff is this multiple of the median error.
+
+Of normally distributed errors in a plane, 99.8 % are smaller."""
 
 FOLLOWED = 0.75
-"""Share of true states that must have an estimate nearer than a suggested cutoff."""
+"""Smallest share of true states that must have an estimate nearer than a suggested cutoff."""
 
 LARGEST_MEDIAN = 1e300
-"""Largest median whose multiples are finite."""
+"""Largest median for which a cutoff is suggested, as multiples of it must be finite."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of suggested cutoffs."""
 
 
 def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | None:
-    """Suggest a cutoff with its reason; None if errors and misses cannot be distinguished.
+    """Return a suggested cutoff and its reason, or None if errors look the same as misses.
 
     Parameters
     ----------
     near : (N,) float array
         Distance of each true state to the nearest estimate of its step.
     next_truths : (N,) float array
-        Distance of each of these states to the nearest other object, inf without one.
+        Distance of each of these states to the nearest other object, inf if there is none.
     """
     if not len(near):
         return None
     middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
-    # An estimate of an object is nearer to it than to the next object.
+    # A track that is nearer to its object than to the next one is within half of their distance.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
     cutoff = _rounded_up(MULTIPLE * middle)
@@ -297,17 +312,17 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
 
 
 def _rounded_up(value: float) -> float:
-    """Round up to a leading digit of `LEADING`."""
+    """Round up to a number of `LEADING` times a power of ten."""
     power = math.floor(math.log10(value))
     ends = (float(f"{digit:g}e{power}") for digit in LEADING)
     return next((end for end in ends if value <= end), float(f"1e{power + 1}"))
 
 
 # -------------------------------------------------------------------------------------------------
-# Distances to the nearest points, by a compiled loop where the distance is plain.
+# Distances to the nearest estimates, by a compiled loop if the distance is a plain norm.
 
 SAMPLED_STEPS = 100
-"""Largest number of steps, and of true states of each step, whose nearest estimate is searched."""
+"""Largest number of steps, and of true states at each, for which the nearest is searched."""
 
 PAIRS_AT_ONCE = 1 << 13
 """Number of pairs whose distances are computed together, so that they stay in the cache."""
@@ -315,9 +330,10 @@ PAIRS_AT_ONCE = 1 << 13
 
 @np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
-    """Return the median distance from a true state to the nearest estimate, over up to 100 steps.
+    """Return the median distance from a true state to the nearest estimate of its step.
 
-    Both sides must be at the same times. The result is None if no step has rows of both sides.
+    Not all states are used (see `SAMPLED_STEPS`). Both sides must have the same times. The result
+    is None if no step has rows of both sides.
     """
     distance = distance.lower_bound
     sides = truth, estimate
@@ -357,10 +373,10 @@ def default_notice(
     is_explained: bool = False,
     boxes: bool = False,
 ) -> Notice:
-    """Describe the used defaults in one line, together with the scale of the data.
+    """Return a notice with the default parameters in use, and with the scale of the data.
 
     The notice is a warning if the default cutoff is not above the median distance to the nearest
-    estimate.
+    estimate, and no other warning explains this.
 
     Parameters
     ----------
@@ -371,9 +387,9 @@ def default_notice(
     parameters : Parameters
         Parameters in use.
     defaults : sequence of str
-        Names of cutoff and switch_penalty that have their default value.
+        Parameters that have their default value: names among cutoff and switch_penalty.
     is_explained : bool
-        Whether another warning explains the distances.
+        Whether another warning explains why distances are large.
     boxes : bool
         Whether boxes are compared by their centres, for which no cutoff suits all sizes.
     """
@@ -402,7 +418,7 @@ def explained(warnings: Sequence[Notice]) -> bool:
 
 
 def unit_notices(unit: str | None) -> Iterator[Notice]:
-    """Yield a warning where the unit of states in pixels is given as another one."""
+    """Yield a warning if the unit of states in pixels is said to be metres or another length."""
     if (unit or "").casefold() in METRES:
         yield Notice(
             code="unit-label",

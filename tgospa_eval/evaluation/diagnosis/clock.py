@@ -1,17 +1,18 @@
-"""Warnings about times of two sides: timestamps that miss each other, other clocks, other units.
+"""Warnings about times: timestamps that nearly match, a wrong clock, or another unit of time.
 
-The tests take little time compared to an evaluation, because they examine the timestamps and some
-steps at even spacing. The offset of the clock is searched only if these steps do not fit.
+The tests take little time compared to an evaluation, because they examine only the timestamps and
+some evenly spread steps. An offset of the clock is searched only if these steps do not fit.
 
-The clock of the estimate is off by the shift of its timestamps that fits the truth best,
+A shift is a time that is added to the timestamps of the estimate. The best one maximises the gain
 
     G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
 
 where d is the distance of a pair, c the cutoff and p the order. The truth moves on straight lines
-between its states. Candidates are the differences in time of states that are near each other; G
-selects and refines them. A shift is reported only if every other shift with similar coverage fits
-clearly worse, compared to the variation between stretches of the recording. So targets at rest, or
-on a circle, lead to no report.
+between its states. Candidates are the differences in time of states that are near each other. Of
+these, G selects the best, which are then refined. The best shift is reported only if it is clearly
+better than any other shift with enough steps in the recording of the truth. Clearly means: compared
+to how much gains vary between stretches of the recording. So there is no report for targets at rest
+or on a circle.
 """
 
 import math
@@ -53,32 +54,32 @@ if TYPE_CHECKING:
 
 
 SAME = 0.01
-"""Share of the time between samples of the truth below which times count as equal."""
+"""Times count as equal if they differ by less than this share of the time between samples."""
 
 TIMELINE = 300_000
-"""Largest number of states and sampled times of the truth, including interpolated states."""
+"""Largest number of states, or of times, of the sampled truth, with interpolated states."""
 
 SEGMENTS = 2_000
-"""Number of pairs of consecutive states of the truth for typical speed and time."""
+"""Largest number of pairs of consecutive true states that give the typical speed and time."""
 
 ACROSS = 5.0
-"""Multiple of the typical time between two states across which a track continues."""
+"""An object continues across gaps up to this multiple of the typical time between its states."""
 
 FINER = 16
-"""Largest number of samples in the typical time between two states of a target that moves far."""
+"""Largest number of samples in the typical time between two states, for fast targets."""
 
 
 class Timeline:
-    """True states at any time, on straight lines between sampled states.
+    """True states at any time, on straight lines between states at sampled times.
 
     Parameters
     ----------
     side : Trajectories
         States at the sampled times.
     timestamps : (Q,) float array
-        Sampled times, increasing.
+        The sampled times, increasing.
     longest : float
-        Longest time between two samples across which tracks continue.
+        Longest time between two samples across which an object continues.
     periods : dict of str to float
         Periods of columns that wrap around.
     """
@@ -87,7 +88,7 @@ class Timeline:
         self, side: Trajectories, timestamps: Floats, longest: float, periods: dict[str, float]
     ) -> None:
         self.side, self.timestamps, self.periods = side, timestamps, periods
-        order = np.argsort(side.track, kind="stable")  # rows are sorted by time
+        order = np.argsort(side.track, kind="stable")  # rows of a track stay in order of time
         track, step = side.track[order], side.step[order]
         goes_on = (track[1:] == track[:-1]) & (step[1:] == step[:-1] + 1)
         goes_on &= timestamps[step[1:]] - timestamps[step[:-1]] <= longest
@@ -97,9 +98,9 @@ class Timeline:
 
     @classmethod
     def of(cls, truth: Trajectories, own: Floats, cutoff: float, distance: Distance) -> "Timeline":
-        """Sample the truth at regular times, so close that few states move far between two.
+        """Sample the truth at regular times, so close that objects rarely move far between them.
 
-        There are no samples if no track has two states, or if the timestamps do not increase.
+        There are no samples if no object has two states, or if the timestamps do not increase.
 
         Parameters
         ----------
@@ -108,7 +109,7 @@ class Timeline:
         own : (T,) float array
             Timestamps of the truth.
         cutoff : float
-            Distance that counts as far.
+            Cutoff; half of it counts as far.
         distance : Distance
             Base distance.
         """
@@ -134,7 +135,7 @@ class Timeline:
         return cls(at_times, timestamps, ACROSS * time, periods)
 
     def at(self, wanted: Floats) -> StepRows:
-        """Return the states at some times; at least two times must be sampled."""
+        """Return the true states at the times `wanted`; at least two times must be sampled."""
         k = np.searchsorted(self.timestamps, wanted, side="right") - 1
         k = k.clip(0, len(self.timestamps) - 2)
         share = (wanted - self.timestamps[k]) / (self.timestamps[k + 1] - self.timestamps[k])
@@ -169,59 +170,63 @@ def _typical_motion(truth: Trajectories, own: Floats, distance: Distance) -> tup
 
 
 SAMPLED, SAMPLED_TIMES = 600, 300
-"""Largest number of examined rows of the estimate; largest number of examined steps."""
+"""Largest numbers of examined rows and of examined steps of the estimate."""
 
 PAIRS = 1_000_000
-"""Number of examined near pairs."""
+"""Approximate largest number of examined near pairs."""
 
 CANDIDATES = 32
 """Largest number of candidate shifts."""
 
 PROMISING = 0.4
-"""A shift is refined if its gain is at least this share of the largest gain."""
+"""A candidate is refined if its gain is at least this share of the largest gain."""
 
 HALVINGS = 7
-"""The smallest difference of shifts is the time between samples, halved this number of times."""
+"""The smallest change of a shift is the time between samples, halved this many times."""
 
 DOUBLINGS = 5
-"""Shifts are compared around the best one up to the time between samples, doubled this often."""
+"""Shifts around the best one, with which it is compared, differ from it by up to a limit.
+
+The limit is the time between samples, doubled this many times."""
 
 STRETCHES = 20
-"""Number of stretches of the recording whose gains are compared."""
+"""Number of stretches of the recording whose gains give the standard errors."""
 
 SIGNIFICANT = 4.0
-"""Number of standard errors by which any other shift must be worse."""
+"""Number of standard errors by which other shifts must be worse than the best one."""
 
 LOCAL = 6.0
-"""If a rival is this multiple of the uncertainty away, it is another maximum: no report."""
+"""A rival farther away than this multiple of the uncertainty is another maximum.
+
+A rival is a shift that is not clearly worse. If there is such a maximum, nothing is reported."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Share of the steps of the best shift that a rival must have; share of the gain at these steps."""
+"""Smallest shares that a rival has of the best shift: of its steps, and of its gain at them."""
 
 ROBUST = 16.0
-"""A sharp fit counts pairs only up to this multiple of the median (d / c)^p."""
+"""A sharp fit counts a pair only if its (d / c)^p is below this multiple of the median one."""
 
 MIN_ERROR = 1 / 400
-"""Smallest (d / c)^p that counts; smaller errors are raised to it."""
+"""Smallest limit of (d / c)^p up to which a sharp fit counts pairs."""
 
 ENOUGH_NEAR = 1 / 3
-"""Share of the possible pairs that must be near."""
+"""Smallest share of the possible pairs that must be near for a good fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Quality of a shift of the estimate.
+    """Shift of the estimate, and how well it fits the truth.
 
     Parameters
     ----------
     shift : float
         Time that is added to the timestamps of the estimate.
     costs : StepCosts
-        Costs of the true states at these times, and of the estimates.
+        Costs of the examined S steps, with true states at the shifted timestamps.
     inside : (S,) bool array, optional
-        Steps that are within the recording of the truth after the shift; all by default.
+        Mask of the steps that are in the recording of the truth after the shift; by default all.
     sharp : float
-        Factor of (d / c)^p, at least 1, which acts like a smaller cutoff.
+        Sharpness: a factor of (d / c)^p, at least 1, which acts like a smaller cutoff.
     """
 
     shift: float
@@ -231,20 +236,20 @@ class Fit:
 
     @cached_property
     def gain(self) -> Floats:
-        """Saving of the pairs at each step, in units of c^p (S,)."""
+        """Sum of the gains of the pairs at each step, in units of c^p, (S,)."""
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
         saved = np.bincount(step, gain, minlength=self.costs.steps)
-        return np.asarray(saved, np.float64)  # integers without pairs
+        return np.asarray(saved, np.float64)  # bincount without pairs has integers
 
     @property
     def sharpest(self) -> float:
-        """`sharpest` of the pairs."""
+        """Sharpness that suits the pairs (see the function `sharpest`)."""
         return sharpest(self.costs.lost)
 
     @cached_property
     def total(self) -> float:
-        """Sum of the gain."""
+        """Sum of the gains of all steps."""
         return float(self.gain.sum())
 
     @cached_property
@@ -254,7 +259,7 @@ class Fit:
 
     @property
     def is_close(self) -> bool:
-        """True if a large share of the possible pairs is near."""
+        """True if a large share of the possible pairs is near, at enough steps."""
         possible = self.costs.possible
         steps = np.count_nonzero(self.pairs)
         return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * possible) and bool(
@@ -262,13 +267,14 @@ class Fit:
         )
 
     def better(self, other: "Fit") -> float:
-        """Return the number of standard errors by which this fit is better than another one."""
+        """Return by how many standard errors the gain of this fit exceeds that of another one."""
         return significance(self.gain - other.gain)
 
     def excels(self, other: "Fit") -> bool:
-        """Return whether this fit is better than another one where both are within the truth.
+        """Return whether this fit is clearly better than another one.
 
-        It also is better if the other fit has too few such steps, or a far smaller gain there.
+        They are compared at the steps that both have inside the recording of the truth. This fit is
+        also better if these are too few of its steps, or if the other fit has far less gain there.
         """
         both = self.inside & other.inside
         if (
@@ -280,26 +286,34 @@ class Fit:
 
 
 STARTS, ROUNDS = 6, 6
-"""Number of shifts from which a displacement is searched; number of rounds of least squares."""
+"""Number of shifts from which a displacement is searched, and number of rounds of each search."""
 
 OUTLIERS = 4.0
-"""Multiple of the median error beyond which a pair is not used."""
+"""A pair is not used if its error is above this multiple of the median error."""
 
 VARIED = 0.02
-"""Smallest usable variation of velocities, as a share of the squared speeds."""
+"""Smallest variation of velocities, as a share of the squared speeds, for this search.
+
+With less variation, a shift in time looks the same as a displacement."""
 
 SURE = 3.0
-"""Number of standard errors by which a displacement must differ from 0."""
+"""A displacement is more than noise if it exceeds this number of standard errors."""
 
 
 def sharpest(lost: Floats) -> float:
-    """Return the sharpness with which pairs at typical distances keep a gain (see `Fit.sharp`)."""
+    """Return a sharpness with which pairs at typical distances keep a gain (see `Fit.sharp`).
+
+    `lost` has the value (d / c)^p of each pair.
+    """
     typical = median(lost) if len(lost) else 1.0
     return 1 / min(max(ROBUST * typical, MIN_ERROR), 1.0)
 
 
 def significance(values: Floats) -> float:
-    """Return the sum over steps, in standard errors estimated from sums of stretches."""
+    """Return the sum of `values` over steps, divided by its standard error.
+
+    The standard error is estimated from the sums of `STRETCHES` stretches of steps.
+    """
     count = min(STRETCHES, len(values))
     if not count:
         return 0.0
@@ -317,13 +331,13 @@ class Search:
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate as read.
+        Truth and estimate as they were read.
     timestamps : pair of (T,) float arrays
-        Timestamps of both on one clock, as far as it is known.
+        Timestamps of truth and estimate in the same unit, before the shift.
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states without covariances.
+        Base distance that compares states without their covariances.
     """
 
     def __init__(
@@ -337,10 +351,10 @@ class Search:
         self.timestamps, self.parameters, self.distance = timestamps, parameters, distance
         self.steps = self._sampled()
         self.rows = StepRows.of(self.estimate, self.steps)
-        self._fits = dict[tuple[float, float], Fit]()  # most shifts are tried several times
+        self._fits = dict[tuple[float, float], Fit]()  # many shifts are tried several times
 
     def _sampled(self) -> Ints:
-        """Return steps of the estimate that have rows, evenly spread."""
+        """Return evenly spread steps at which the estimate has rows."""
         counts = np.bincount(self.estimate.step, minlength=len(self.estimate.times))
         there = places_of(counts)
         by_rows = int(SAMPLED * len(there) / max(int(counts.sum()), 1))
@@ -349,7 +363,7 @@ class Search:
 
     @property
     def is_possible(self) -> bool:
-        """True if the amount of data is sufficient."""
+        """True if there are enough steps, and the truth can be sampled."""
         return (
             len(self.steps) >= FEWEST_STEPS
             and all(bool(np.isfinite(own).all()) for own in self.timestamps)
@@ -358,11 +372,11 @@ class Search:
 
     @cached_property
     def timeline(self) -> Timeline:
-        """Timeline of the truth."""
+        """Truth at any time."""
         return Timeline.of(self.truth, self.timestamps[0], self.parameters.cutoff, self.distance)
 
     def fit(self, shift: float, sharp: float = 1.0) -> Fit:
-        """Return the fit of a shift; `sharp` acts like a smaller cutoff."""
+        """Return the fit of a shift; `sharp` is its sharpness (see `Fit.sharp`)."""
         if (fitted := self._fits.get((shift, sharp))) is None:
             if sharp != 1:
                 fitted = replace(self.fit(shift), sharp=sharp)
@@ -379,14 +393,14 @@ class Search:
     def offset(
         self, shifts: Iterable[float], here: "Search | None" = None
     ) -> tuple[float, float, float] | None:
-        """Return the shift that fits best, or None where the data do not decide.
+        """Return the shift that fits best, or None if the data do not decide.
 
         Parameters
         ----------
         shifts : iterable of float
-            Additional candidates.
+            Candidates in addition to those that are searched.
         here : Search, optional
-            Search with the present clock of the estimate, if it differs from the clock here.
+            Search with the timestamps as they were read, if those here are in another unit.
 
         Returns
         -------
@@ -394,7 +408,7 @@ class Search:
             Time that is added to the timestamps of the estimate, and two of its standard errors.
         saving : float
             Share of the per-step GOSPA cost that the shift removes. Objects that are missed or
-            false with both clocks are left out.
+            false before and after the shift are left out.
         """
         tried = [self.fit(shift) for shift in (0.0, *shifts, *self._candidates())]
         moved = self._beside_displacement(tried) if here is None else None
@@ -429,13 +443,14 @@ class Search:
     def _beside_displacement(
         self, tried: list[Fit]
     ) -> tuple[float, float, float] | tuple[()] | None:
-        """Return the shift of a displaced estimate, in the form of `offset`; None if it is unclear.
+        """Return the shift of an estimate that is also displaced in space, as `offset` does.
 
-        The result is empty if the estimate is displaced and no shift fits better than none.
+        The result is None if a displacement is not clear. It is empty if the estimate is displaced,
+        but no shift is clearly better than the shift 0.
 
-        Errors of pairs are e = v s + b with velocities v of the true objects. If velocities differ,
-        least squares give the shift s and the displacement b. The comparison without a shift uses
-        the displacement that fits best without it.
+        The error e of a pair is v s + b, where v is the velocity of the true object, s the shift
+        and b the displacement. If velocities differ, least squares give s and b. The shift 0 is
+        compared with its own best displacement.
         """
         if not isinstance(self.distance, Norm) or self.timeline.periods:
             return None
@@ -457,10 +472,10 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """Return the best fit near a shift, with a displacement; None if it is unclear.
+        """Return the best fit near a shift, with its displacement, or None if it is unclear.
 
-        The other values are two standard errors of the shift, and whether the displacement is more
-        than noise.
+        Two more results are two standard errors of the shift, and True if the displacement is more
+        than noise. With `moves` False, the shift stays as it is.
         """
         offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
         for _ in range(ROUNDS):
@@ -480,7 +495,7 @@ class Search:
                 varied = speeds - speed
                 power = float(np.square(varied).sum())
                 if not power > VARIED * float(np.square(speeds).sum()):
-                    return None  # all move alike: shift and displacement cannot be separated
+                    return None  # with one velocity, shift and displacement look the same
                 change = float((varied * (errors - mean)).sum()) / power
                 left = errors - mean - change * varied
                 noise = float(np.square(left).sum()) / max(left.size - left.shape[1] - 1, 1)
@@ -501,9 +516,10 @@ class Search:
         return Fit(shift, costs)
 
     def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
-        """Return the errors of pairs, and the velocities of their objects (N, d).
+        """Return the errors of the pairs of a fit, and the velocities of the objects, (N, d) each.
 
-        Estimates have the shift in time of the fit, and their states as they were read.
+        The timestamps of the estimate have the shift of the fit. Its states are those of the file,
+        without a displacement.
         """
         wanted = self.timestamps[1][self.steps] + fit.shift
         half = self.timeline.spacing / 2
@@ -532,7 +548,7 @@ class Search:
         return errors[there], speeds[there]
 
     def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
-        """Return the local maximum reached by climbing from this fit."""
+        """Return the local maximum of the gain that is reached from this fit in small steps."""
         step = self.timeline.spacing
         while step >= self.timeline.spacing / 2**HALVINGS:
             near = (fit(best.shift + sign * step) for sign in (1, -1))
@@ -546,11 +562,12 @@ class Search:
     def _spread(
         self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
     ) -> tuple[float, float]:
-        """Return two standard errors of the shift, and the distance of the farthest rival.
+        """Return two standard errors of the best shift, and how far the farthest rival is from it.
 
-        Near its maximum, G is a parabola plus a line from noise. Consider the loss by a shift from
-        the best one, in standard errors of this loss. It grows with the shift, and is 1 at two
-        standard errors of the best shift.
+        Near its maximum, the gain G is a parabola, to which noise adds a line. Let another shift
+        have a smaller gain, and divide this loss by its own standard error. The quotient grows with
+        the distance from the best shift. It is 1 at the distance of two standard errors of the best
+        shift.
         """
         widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
@@ -575,7 +592,11 @@ class Search:
         return uncertainty, reach
 
     def _candidates(self) -> Floats:
-        """Return shifts at which many estimates are near the truth: local maxima of their gains."""
+        """Return shifts at which many estimates are near the truth.
+
+        They are the local maxima of a histogram of shifts, in which each near pair counts by its
+        gain. If an estimate has several pairs at a shift, only the nearest pair counts.
+        """
         near, row = self._near_at_any_time()
         if not len(near.gain):
             return np.zeros(0)
@@ -585,7 +606,7 @@ class Search:
         low = float(shift.min())
         place = np.rint((shift - low) / self.timeline.spacing).astype(np.int64)
         size = int(place.max()) + 1
-        key = near.rows[1] * np.int64(size) + place  # only the nearest true state of each estimate
+        key = near.rows[1] * np.int64(size) + place  # by estimate and shift
         order = np.argsort(key, kind="stable")
         first = places_of(np.diff(key[order], prepend=-1))
         largest = np.maximum.reduceat(near.gain[order], first)
@@ -598,7 +619,10 @@ class Search:
         return np.asarray(low + self.timeline.spacing * places[peaks])
 
     def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
-        """Return pairs of sampled rows that are near at any times, and these rows."""
+        """Return pairs of states that are near, whatever their times, and the used estimates.
+
+        The second result has the indices of these estimates in `self.rows`.
+        """
         side, size = self.timeline.side, len(self.rows.row)
         truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
 
@@ -618,40 +642,44 @@ class Search:
 
 
 COMMON_SHARE = 0.9
-"""If the share of common steps is smaller, the clocks are probably wrong."""
+"""If the share of steps that are in both files is smaller, the clocks are probably different."""
 
 NEARLY = 0.01
 """Timestamps that differ by less than this share of the median step are probably the same."""
 
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
-"""Units of timestamps other than seconds, by the power of ten that converts them to seconds."""
+"""Units of timestamps, by the power of ten that converts them to seconds."""
 
 WORTH = 0.5
-"""Share of the cost that another clock must save to cause a warning."""
+"""Smallest share of the cost that another clock must save to cause a warning."""
 
 SUSPICIOUS = 3.0
-"""A fit better by this number of standard errors, one step earlier or later, starts a search."""
+"""If a move by one step fits better by this number of standard errors, a search begins."""
 
 MOVES = np.array([[1], [-1]])
-"""Steps by which the estimate is moved for this test."""
+"""Numbers of steps by which the estimate is moved for the test of `SUSPICIOUS`."""
 
 PREFERRED = 2.0
-"""Equal timestamps or a whole hour are preferred within this multiple of the uncertainty."""
+"""Multiple of the uncertainty up to which a simpler offset is preferred.
+
+An offset is simpler if it is a whole number of hours, or makes timestamps equal."""
 
 MINUTE = 60
-"""Seconds that `PREFERRED` times the uncertainty may not reach if an offset is rounded to hours."""
+"""Limit in seconds: an offset is rounded to hours only if its uncertainty is small.
+
+`PREFERRED` times the uncertainty must be below the limit."""
 
 HOURS = 14
-"""Largest difference of time zones in hours."""
+"""Largest offset, in hours, that may be a difference of time zones."""
 
 RATES = 3.0
-"""Largest ratio of the rates of two files that differ only in the unit of time."""
+"""Largest ratio of the rates of truth and estimate, if they differ only in the unit of time."""
 
 
 def clock_warnings(
     sides: "AlignedPair", request: "EvaluationRequest", sample: Sample | None
 ) -> list[Notice]:
-    """Warn of times of two sides that look wrong; without a sample, clocks are taken as sound."""
+    """Return warnings about times that look wrong; without a sample, no other clock is searched."""
     warnings = [_few_common(sides, request.time_matching)]
     clock = None
     if sample is not None and not _looks_sound(sample):
@@ -667,7 +695,7 @@ def clock_warnings(
 
 
 def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
-    """Warn of timestamps that overlap in time only after scaling by a power of ten."""
+    """Warn if truth and estimate overlap in time only after scaling by a power of ten."""
     truth, estimate = (side.times for side in sides)
     if sides[0].clock != "number" or not len(truth) or not len(estimate):
         return None
@@ -693,7 +721,7 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, outages = sides.alignment, sides.axis.outages
     steps = len(aligned.truth.times)
     meaning = "at other steps objects count as missed and tracks as false"
-    if matching.grid == "common":  # timestamps of the lower rate may all be of the higher rate
+    if matching.grid == "common":  # the slower side may have all its steps in common
         steps, meaning = min(len(side.times) for side in sides.read), "other steps are left out"
     if outages is not None and outages.counted:  # outages have their own warning
         steps -= len(outages.ticks)
@@ -711,7 +739,7 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
 def _near_misses(
     times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
 ) -> Notice | None:
-    """Warn of timestamps that differ by less than 1 % of the median step."""
+    """Warn of timestamps that nearly match: within 1 % of the median step, but not equal."""
     if aligned.common == aligned.union or not all(map(len, times)):
         return None
     steps = [step for step in map(median_step, times) if step is not None]
@@ -725,7 +753,7 @@ def _near_misses(
         return None
     unit = SECOND if clock != "number" else 1
     wide = float(close.max())
-    if close.dtype.kind == "f":  # `within` allows for the rounding of timestamps
+    if close.dtype.kind == "f":  # a tolerance allows for rounding by itself
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
     named = _rounded_up(wide / unit)
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
@@ -743,21 +771,24 @@ def _near_misses(
 
 
 def median_step(times: Times) -> float | None:
-    """Return the median distance of consecutive times, in the unit in which they are stored."""
+    """Return the median difference of consecutive times, in the unit in which they are stored."""
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
 
 
 def _step_text(step: float, clock: str, *times: Times) -> str:
-    """Format a step between timestamps, in their unit or in seconds, without their rounding."""
+    """Format a step between timestamps, without digits that come from rounding of `times`.
+
+    The unit is that of the timestamps, or seconds.
+    """
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
 def _rounded_up(value: float) -> str:
-    """Round up to two digits, but ignore the last digit of a double."""
+    """Round up to two digits, but not because of a rounding error in the last digit."""
     from decimal import ROUND_CEILING, Context
 
     rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
@@ -766,7 +797,7 @@ def _rounded_up(value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ClockError:
-    """Offset and factor that convert the timestamps of the estimate to those of the truth.
+    """Correction of the clock of the estimate, which gives the clock of the truth.
 
     Parameters
     ----------
@@ -774,12 +805,12 @@ class ClockError:
         Factor of the timestamps, and offset that is added after the multiplication. The offset is
         in the unit of the timestamps, or in seconds for ISO times.
     ahead : float
-        Time by which the estimate is ahead, if only the offset is wrong; else 0.
+        Time by which the clock of the estimate is ahead. It is 0 if the factor is wrong, too.
     uncertainty : float
         Two standard errors of the offset.
     saving : float
-        Share of the per-step GOSPA cost that is saved. Objects that are missed or false with both
-        clocks are left out.
+        Share of the per-step GOSPA cost that the correction saves. Objects that are missed or false
+        before and after the correction are left out.
     steps : int
         Number of examined steps.
     """
@@ -793,7 +824,7 @@ class ClockError:
 
 
 def _looks_sound(sample: Sample) -> bool:
-    """Return whether a few common steps fit, and a move by one step fits no better."""
+    """Return whether the steps of the sample fit, and fit no better after a move by one step."""
     here = Fit(0.0, sample.here)
     if not here.is_close:
         return False
@@ -815,14 +846,14 @@ def find_clock(
     distance: Distance,
     given: Mapping[str, object],
 ) -> ClockError | None:
-    """Return another clock of the estimate that fits better than all other clocks, or None.
+    """Return a correction of the clock of the estimate if it fits clearly best, or None.
 
     Parameters
     ----------
     sides : pair of Trajectories
-        Truth and estimate as read.
+        Truth and estimate as they were read.
     parameters, distance
-        Cutoff and order; base distance of states without covariances.
+        Cutoff and order, and the base distance, which compares states without covariances.
     given : mapping of str to object
         Values of `time_scale` and `time_offset` with which the estimate was read.
     """
@@ -853,7 +884,7 @@ def find_clock(
 
 
 def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
-    """Return scaled times since a begin, exact until they are rounded to doubles."""
+    """Return the times, multiplied by `factor`, minus `begin`, with little rounding."""
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     first = times[0].item()
@@ -873,7 +904,7 @@ def _clock(
     factor: "Fraction",
     given: Mapping[str, object],
 ) -> ClockError:
-    """Return the offset in its simplest form among those that fit equally well."""
+    """Return the correction with the simplest offset among those that fit equally well."""
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     unit = 1 if search.truth.clock == "number" else SECOND
@@ -903,7 +934,10 @@ def _clock(
 def _equal_timestamps(
     search: Search, shift: float, uncertainty: float, factor: "Fraction"
 ) -> "Fraction | None":
-    """Return the offset that makes timestamps equal, if there is one within the uncertainty."""
+    """Return an offset near the shift that makes most timestamps equal, or None.
+
+    It may differ from the shift by `PREFERRED` times the uncertainty.
+    """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     own, theirs = search.timestamps[0], search.timestamps[1][search.steps] + shift
@@ -922,7 +956,7 @@ def _equal_timestamps(
 
 
 def _rounded(value: float, noise: float) -> float:
-    """Round off digits far below the noise."""
+    """Round to the digits that are not far below the noise."""
     digits = math.ceil(-math.log10(noise / 2))
     return round(value, digits)
 

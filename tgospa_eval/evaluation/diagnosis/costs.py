@@ -1,10 +1,12 @@
 """Bounds of the per-step GOSPA cost of a few steps, to estimate the saving by a change of the data.
 
-    cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
+    cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p.
 
-of m true objects and n estimates at distances d, with cutoff c and order p (docs/theory/metric.md,
-"Identities"). G is at most the sum of the largest term of each true object, or of each estimate. A
-greedy choice bounds G from below. Assignments are computed only where both bounds do not decide.
+This is the cost of a step with m true objects and n estimates (docs/theory/metric.md,
+"Identities"). A pair with the distance d has the gain 1 - (d / c)^p, where c is the cutoff and p
+the order. If each true object had its largest gain, the sum of these would be an upper bound of G,
+and the same is true of the estimates. A greedy choice of pairs gives a lower bound of G. The best
+assignment is computed only if these bounds are not sufficient for a decision.
 """
 
 from dataclasses import replace
@@ -23,14 +25,17 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Objects = tuple[Ints, Ints]
-"""Step of each true state and of each estimate, in order, int32."""
+"""Step of each true state, and step of each estimate, sorted, int32."""
 
 Rows = tuple[Ints, Ints]
-"""True state and estimate of each pair (N,), in order, int32."""
+"""Indices of the true state and of the estimate of each pair, (N,) each, sorted, int32."""
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
-    """Return the smaller sum of largest gains: of true states or of estimates, by step (T,)."""
+    """Return an upper bound of the gain of each step, (T,).
+
+    It is the sum of the largest gains of all true states or of all estimates, whichever is smaller.
+    """
     if kernels is not None:
         gains: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
         return gains
@@ -43,14 +48,15 @@ def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Flo
 
 
 def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
-    """Return disjoint pairs by a greedy choice of the largest gain, in rounds.
+    """Choose disjoint pairs greedily by their gain, in rounds.
 
-    Each round has the pairs that are best for both states; the first of equal pairs is chosen.
+    A round chooses each pair that has the largest gain for both of its states, among the pairs
+    whose states are not chosen yet. Of equal pairs the first one is chosen.
 
     Returns
     -------
     gain : (T,) float array
-        Gain of the chosen pairs.
+        Sum of the gains of the chosen pairs at each step.
     turn : (N,) int32 array
         Round in which each pair is chosen, from 1 on; 0 for any other pair.
     """
@@ -67,7 +73,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         is_best = np.ones(len(left), bool)
         of = [numbers[left] for numbers in rows]
         for mine, numbers in zip(first, of, strict=True):
-            mine[numbers[::-1]] = place[::-1]  # the last of equal numbers is kept
+            mine[numbers[::-1]] = place[::-1]  # of equal indices, the value written last stays
             is_best &= mine[numbers] == place
         turn[left[is_best]] = turn.max() + 1
         for flags, numbers in zip(is_taken, of, strict=True):
@@ -75,18 +81,18 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
     taken = ranked(turn, gain)
     step = objects[0][rows[0][taken]]
-    total = np.bincount(step, gain[taken], minlength=steps)  # integers without pairs
+    total = np.bincount(step, gain[taken], minlength=steps)  # without pairs, they are integers
     return np.asarray(total, np.float64), turn
 
 
 def ranked(turn: Ints, gain: Floats) -> Ints:
-    """Return the chosen pairs by round, and in each round by falling gain."""
+    """Return the indices of the chosen pairs, sorted by round and then by falling gain."""
     taken = places_of(turn)
     return taken[np.lexsort((-gain[taken], turn[taken]))]
 
 
 # -------------------------------------------------------------------------------------------------
-# Sampled steps, and the rows of a side at them.
+# Sampled steps, and the rows of truth or estimate at these steps.
 
 SAMPLE = 100
 """Largest number of examined steps."""
@@ -95,12 +101,13 @@ FIRST_STEPS = 25
 """Number of steps that are examined first."""
 
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
-"""Largest number of rows of either side; larger limit with at most `FEWEST_STEPS` steps.
+"""Largest number of examined rows of truth or estimate, and a larger limit for few steps.
 
-With fewer steps no data look sound, and the search for another clock takes longer."""
+The second limit is that of up to `FEWEST_STEPS` steps. With fewer steps, no data would look sound,
+and the search for another clock would take longer."""
 
 SAMPLE_PAIRS = 200_000
-"""Largest number of pairs, near or not, at more than `FEWEST_STEPS` steps."""
+"""Largest number of examined pairs, near or not, if there are more than `FEWEST_STEPS` steps."""
 
 FEWEST_STEPS = 8
 """Smallest number of steps that can cause a warning of a shift."""
@@ -108,14 +115,14 @@ FEWEST_STEPS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRows:
-    """Rows of a side at some steps, which are renumbered 0, 1, 2, ...
+    """Rows of truth or estimate at some steps, which have the new indices 0, 1, 2, ...
 
     Parameters
     ----------
     side : Trajectories
-        Side with all of its rows.
+        Truth or estimate, with all rows.
     bounds : (2, T) int array
-        First row and end of the rows of each step.
+        First row of each of the T steps, and the row after its last one.
     """
 
     side: Trajectories
@@ -137,7 +144,7 @@ class StepRows:
 
     @cached_property
     def step(self) -> Ints:
-        """Step of each row."""
+        """New index of the step of each row."""
         return np.arange(len(self.counts), dtype=np.int32).repeat(self.counts)
 
     @cached_property
@@ -147,17 +154,17 @@ class StepRows:
 
     @cached_property
     def track(self) -> Ints:
-        """Track of each row."""
+        """Index of the track of each row."""
         return self.side.track[self.row]
 
     @cached_property
     def table(self) -> Trajectories:
-        """These rows as points."""
+        """The rows at these steps, as points."""
         return self.side.reduced_to(()).chosen(self.row, self.step, np.arange(len(self.counts)))
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
-    """Return the number of steps that can be examined."""
+    """Return how many steps can be examined in short time."""
     objects = [len(side.step) / max(len(side.times), 1) for side in sides]
     by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
     by_rows, more = (int(rows / max(*objects, 1)) for rows in (SAMPLE_ROWS, MORE_ROWS))
@@ -165,13 +172,16 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
 
 
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = SAMPLE) -> Ints:
-    """Return as many of the steps as can be examined, evenly spread."""
+    """Return evenly spread steps out of `steps`, as many as can be examined in short time.
+
+    They are at most `limit`.
+    """
     count = max(1, min(len(steps), affordable(sides), limit))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
 
 
 def with_state(side: Trajectories, state: Floats) -> Trajectories:
-    """Return the side with other states; states beyond the largest double are clipped."""
+    """Return the side with the states replaced; infinite numbers become the largest double."""
     largest = np.finfo(np.float64).max
     return replace(side, state=np.clip(state, -largest, largest, order="C"))
 
@@ -182,21 +192,23 @@ def occupied(side: Trajectories) -> Mask:
 
 
 DENSE = 1_000_000
-"""Largest number of pairs of a step, near or not, with an assignment."""
+"""Largest number of pairs of a step, near or not, for which an assignment is computed."""
 
 PAIRED = 12
 """Smallest number of pairs that can cause a warning of a shift."""
 
 FEWEST_TRACKS = 3
-"""Number of tracks that must agree on a fault below the cutoff.
+"""Number of objects that must agree on a displacement smaller than the cutoff.
 
-The fault of a single track may be its own error."""
+For fewer objects, it may be an error of their own tracks."""
 
 NOTABLE_COST = 1e-3
-"""Smallest cost that causes a warning (except on rounding), relative to no assignments."""
+"""Smallest cost that can cause a warning of a fault, as a share of the cost without pairs."""
 
 CHEAPER = 2 / 3
-"""Share of the steps that a change must improve; a late start makes only one step costly."""
+"""Share of the steps with costs at which a change must lower the cost.
+
+If only one step is costly, as after a late start, a fault of all steps is not likely."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,11 +220,11 @@ class StepCosts:
     counts : pair of (T,) int arrays
         Numbers of true states and estimates at each step.
     objects : pair of int32 arrays
-        Step of each true state and of each estimate, in order.
+        Step of each true state, and step of each estimate, sorted.
     rows : pair of (N,) int32 arrays
-        True state and estimate of each near pair, in order.
+        Indices of the true state and of the estimate of each near pair, sorted.
     gain : (N,) float array
-        Saving of each pair, 1 - (d / c)^p.
+        Gain of each near pair, 1 - (d / c)^p.
     """
 
     counts: tuple[Ints, Ints]
@@ -227,43 +239,43 @@ class StepCosts:
 
     @property
     def possible(self) -> int:
-        """Number of pairs that could be assigned at once."""
+        """Largest number of disjoint pairs at all steps, near or not."""
         return int(np.minimum(*self.counts).sum())
 
     @cached_property
     def step(self) -> Ints:
-        """Step of each pair."""
+        """Step of each near pair."""
         return self.objects[0][self.rows[0]]
 
     @cached_property
     def unassigned(self) -> Floats:
-        """Costs without any pair (T,)."""
+        """Cost of each step if no pair is assigned, (T,)."""
         return np.float64(0.5) * (self.counts[0] + self.counts[1])
 
     @cached_property
     def lower(self) -> Floats:
-        """Costs if each true state, or each estimate, had its largest gain (T,)."""
+        """Lower bound of the cost of each step, from `largest_gains`, (T,)."""
         saved = largest_gains(self.objects, self.rows, self.gain, self.steps)
         return np.asarray(self.unassigned - saved)
 
     @cached_property
     def upper(self) -> Floats:
-        """Costs of the greedy choice (T,)."""
+        """Upper bound of the cost of each step, from the greedy choice of pairs, (T,)."""
         return np.asarray(self.unassigned - self._greedy[0])
 
     @cached_property
     def taken(self) -> Ints:
-        """Pairs of the greedy choice, in order."""
+        """Indices of the pairs of the greedy choice, increasing."""
         return places_of(self._greedy[1])
 
     @cached_property
     def lost(self) -> Floats:
-        """(d / c)^p of the pairs of the greedy choice."""
+        """Value (d / c)^p of each pair of the greedy choice, which is 1 minus its gain."""
         return np.asarray(1 - self.gain[self.taken])
 
     @cached_property
     def ranked(self) -> Ints:
-        """Pairs of the greedy choice, in the order of this choice."""
+        """Indices of the pairs of the greedy choice, in the order in which they are chosen."""
         return ranked(self._greedy[1], self.gain)
 
     @cached_property
@@ -271,7 +283,7 @@ class StepCosts:
         return pair_off(self.objects, self.rows, self.gain, self.steps)
 
     def settle(self) -> None:
-        """Make the bounds equal by assignments, except at steps that are too large."""
+        """Replace both bounds by the cost of the best assignment, except at very large steps."""
         for step in np.flatnonzero(self.lower < self.upper).tolist():
             pairs = slice(*np.searchsorted(self.step, [step, step + 1]).tolist())
             truth, estimate = (rows[pairs] for rows in self.rows)
@@ -285,7 +297,7 @@ class StepCosts:
 def step_costs(
     truth: StepRows, estimate: StepRows, parameters: Parameters, distance: Distance
 ) -> StepCosts:
-    """Return the costs of steps of two sides, with a base distance of plain states."""
+    """Return the costs of truth and estimate at their steps; the distance compares points."""
     cutoff = parameters.cutoff
     pairs = near_points(
         (truth.side, estimate.side), (truth.bounds, estimate.bounds), cutoff, distance
@@ -299,7 +311,7 @@ def step_costs(
 
 
 class Sample:
-    """Some common steps of two sides, and their costs.
+    """Some steps at which truth and estimate have rows, and the costs of these steps.
 
     Parameters
     ----------
@@ -308,9 +320,9 @@ class Sample:
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states without covariances.
+        Base distance that compares states without their covariances.
     max_steps : int
-        Largest number of steps.
+        Largest number of these steps.
     """
 
     def __init__(
@@ -328,35 +340,37 @@ class Sample:
 
     @property
     def larger(self) -> "Sample":
-        """Sample of the largest number of steps."""
+        """Sample of the same data with up to `SAMPLE` steps."""
         return Sample(self.sides, self.parameters, self.distance)
 
     @property
     def truth(self) -> Trajectories:
-        """Truth at these steps, as points."""
+        """Truth at the steps of the sample, as points."""
         return self.rows[0].table
 
     @property
     def estimate(self) -> Trajectories:
-        """Estimate at these steps, as points."""
+        """Estimate at the steps of the sample, as points."""
         return self.rows[1].table
 
     def costs(self, estimate: Trajectories) -> StepCosts:
-        """Return the costs with another estimate."""
+        """Return the costs of the same truth and another estimate, which has these steps."""
         truth = StepRows.of(self.truth)
         return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
 
     @cached_property
     def is_bad(self) -> bool:
-        """True if most true states and estimates have no counterpart."""
+        """True if the greedy choice saves less than half of the cost without pairs."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
-    """Return the share of the cost saved there, if it is half or more, at enough steps; else 0.
+    """Return the share of the costs `here` that a change saves, if this is clear, else 0.
 
-    `fewest` is a number of steps, half of which must become cheaper. Objects that are not
-    examined there cost as much as objects without a counterpart, so leaving them out saves nothing.
+    `there` are the costs after the change. The saving is clear if it is at least half of the cost,
+    and if enough steps become cheaper: the share `CHEAPER` of steps with costs, and half of
+    `fewest`. An object that is left out by the change costs as much as one without a pair, so that
+    leaving it out saves nothing.
     """
     unseen = max(0.0, float(here.unassigned.sum() - there.unassigned.sum()))
     if 2 * (there.lower.sum() + unseen) > here.upper.sum():
@@ -371,7 +385,7 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
 
 
 def falls(share: float, steps: int) -> str:
-    """Describe the fall of the cost by a change, at most 99 %, because bounds never prove all."""
+    """Describe the share of the cost that a change saves, as at most 99 %."""
     return (
         f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
         f"{min(100 * share, 99):.0f} % or more"

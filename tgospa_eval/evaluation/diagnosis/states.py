@@ -1,7 +1,7 @@
-"""Warnings about the states of two sides: other units, other axes, another origin.
+"""Warnings about the states: truth and estimate may differ in units, axes or origin.
 
-Each suspected fault is undone at some common steps. A warning appears only if this at least halves
-the per-step GOSPA cost.
+A trial undoes each suspected fault at some steps that both have. There is a warning of a fault only
+if this at least halves the per-step GOSPA cost.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ EMPTY_OTHER_SIDE = ("all estimates are false", "all ground-truth objects are mis
 
 
 def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
-    """Warn of values of a side that are probably not intended."""
+    """Return warnings about rows and ids of truth and estimate that are probably not intended."""
     warnings = []
     for name, meaning, side in zip(SIDES, EMPTY_OTHER_SIDE, sides, strict=True):
         if not len(side.step):
@@ -59,7 +59,7 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Return warnings of ids that are the same number in different texts, such as 7 and 7.0."""
+    """Return a warning if two ids are the same number in different texts, such as 7 and 7.0."""
     ids = side.ids.tolist()
     pointed = [text for text in ids if "." in text]
     whole = {text for text in ids if text.isdigit()} if pointed else ()
@@ -81,29 +81,34 @@ def _spellings(name: str, side: Trajectories) -> list[Notice]:
 # Tests whether true states and estimates are near each other more often than by chance.
 
 SOME = 0.35
-"""With this share of the possible pairs or more, chance is not tested."""
+"""If a smaller share of the possible pairs is near, a test says if this is only by chance."""
 
 UNLIKE = 4
-"""Ratio of the numbers of rows above which most rows of the larger side have no partner."""
+"""Largest ratio of the numbers of rows of truth and estimate for the test.
+
+With a larger ratio, most rows of one side have no partner anyway."""
 
 ENOUGH = 100
-"""Smallest number of possible pairs with which chance is tested."""
+"""Smallest number of possible pairs for the test."""
 
 HARDLY = 1.5
-"""Pairs that save at most this multiple of the saving by chance may be chance.
+"""Pairs may be near by chance if they save at most this multiple of the saving by chance.
 
-Wrong pairs may save a little more than displaced estimates, some of which leave the scene. Sound
-pairs save more than this multiple if their noise is below the cutoff."""
+The saving by chance is measured with displaced estimates. Wrong pairs can save a little more than
+these, because some displaced estimates leave the scene. Right pairs save more than this multiple if
+their noise is below the cutoff."""
 
 LITTLE = 0.005
-"""Share of the possible saving by pairs that stay near because they move in one direction."""
+"""Share of the possible saving that is not counted in the test.
+
+It is for pairs that stay near because they move in one direction."""
 
 MOVES = (3.0, 6.0)
-"""Displacements of the estimates along a line, in cutoffs, in both directions."""
+"""Displacements of the estimates along a line, as multiples of the cutoff, in both directions."""
 
 
 def few_are_near(here: StepCosts) -> bool:
-    """Return whether disjoint near pairs are so few that they may be chance."""
+    """Return whether disjoint near pairs are so few that they may be near by chance."""
     if not len(here.taken):
         return True
     rows = sorted(map(len, here.objects))
@@ -111,7 +116,7 @@ def few_are_near(here: StepCosts) -> bool:
 
 
 def nearness_warnings(sample: Sample) -> list[Notice]:
-    """Warn that no true state has an estimate within the cutoff, or some only by chance."""
+    """Warn if no true state has an estimate within the cutoff, or only some by chance."""
     here = sample.here
     within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
@@ -139,9 +144,10 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
 def _is_chance(sample: Sample) -> bool:
     """Return whether pairs save hardly more of the cost than they would by chance.
 
-    The saving by chance is that of estimates displaced by a few cutoffs, far from their objects.
-    The line with the largest saving counts, because on a road nothing is near an estimate that is
-    displaced across it. Exchanged steps would not serve, as objects at rest keep their position.
+    For the saving by chance, all estimates are displaced by a few cutoffs, far from their objects,
+    along several lines. The line with the largest saving counts: on a road, an estimate can be near
+    an object if it is displaced along the road, but not if it is displaced across. An exchange of
+    steps would not help, because objects at rest keep their position.
     """
     possible, estimate = sample.here.possible, sample.estimate
     if possible < ENOUGH:
@@ -156,14 +162,15 @@ def _is_chance(sample: Sample) -> bool:
 
 
 def _saved(costs: StepCosts) -> float:
-    """Return the saving relative to the cost without assignments."""
+    """Return how much less than no assignment the greedy choice of pairs costs, in units of c^p."""
     return float((costs.unassigned - costs.upper).sum())
 
 
 def _lines(sample: Sample) -> Iterator[Floats]:
-    """Yield vectors (R or 1, d) as long as the cutoff on both or one of the first two axes.
+    """Yield vectors along which estimates are displaced, about as long as the cutoff.
 
-    They are the diagonals, the axes, and the direction of the largest spread of the truth.
+    They are along the diagonals of the first two axes, the axes, and the direction in which the
+    truth is spread most. A vector has the shape (1, d), or (R, d) if it differs between rows.
     """
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
@@ -198,17 +205,20 @@ FACTORS = {
     1 / 0.3048: ("feet", "metres"),
     180 / np.pi: ("degrees", "radians"),
 }
-"""Factors between units by which the coordinates of one file may be wrong."""
+"""Factors by which coordinates may be wrong, and the units that would explain this."""
 
 FEWEST_PAIRS = 6
-"""Smallest number of near pairs after a credible change; a fitted offset needs more."""
+"""Smallest number of near pairs after a change, or the change is not credible.
+
+A change with a fitted offset needs `FITTED` pairs."""
 
 FITTED = 12
 
 VOTES, EACH = 6_000, 40
-"""Numbers of differences in the search for an offset: in total; for each estimate of a step.
+"""Numbers of differences between states in the search for an offset.
 
-The limit that allows more differences counts. At most one of those of an estimate is right."""
+The first is in total, and the second for each estimate of a step; the larger limit counts. Of the
+differences of an estimate to the true states, at most one is right."""
 
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
@@ -218,20 +228,20 @@ POSITIONS = (("x", "y", "z"), ("lat", "lon"))
 
 @dataclass(frozen=True, kw_only=True)
 class _Change:
-    """A linear change of the estimate's columns: ``state[:, order] * factor + offset``.
+    """Change of the estimate that undoes a fault: ``state[:, order] * factor + offset``.
 
     Parameters
     ----------
     code : str
         Code of the warning.
     text : str
-        Suspected fault, and its correction.
+        Suspected fault, and its correction, as the beginning of a sentence.
     remedy : str
-        Remedy for the user.
+        Remedy, as it is proposed to the user.
     order : tuple of int
-        Column of the estimate that becomes each column.
+        New order of the columns: indices of the columns of the estimate.
     factor, offset : (d,) float arrays
-        Factor and offset, applied after the change of order.
+        Factor and offset of each column in the new order.
     """
 
     code: str
@@ -242,7 +252,7 @@ class _Change:
     offset: Floats
 
     def __call__(self, estimate: Trajectories) -> Trajectories:
-        """Return the estimate without the suspected fault."""
+        """Return the estimate after the change."""
         state = estimate.state[:, self.order] * self.factor + self.offset
         return with_state(estimate, state)
 
@@ -254,7 +264,7 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
     if not saved or len(there.taken) < fewest:
         return 0.0
     if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-        # Shrinking moves any estimate near to true states at the origin.
+        # If true states are at the origin, any factor near 0 brings estimates near to them.
         origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
         if origin.upper.sum() < 2 * there.upper.sum():
             return 0.0
@@ -262,12 +272,12 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
 
 
 def state_warnings(sample: Sample) -> list[Notice]:
-    """Warn of units, axes and origin that look wrong, in at most one warning.
+    """Return at most one warning, about units, axes or origin that look wrong.
 
     Parameters
     ----------
     sample : Sample
-        Sample of few steps.
+        Sample of `FIRST_STEPS` steps at most; if it looks wrong, more steps are sampled.
     """
     if (
         not len(sample.steps)
@@ -277,7 +287,7 @@ def state_warnings(sample: Sample) -> list[Notice]:
     best = _best(sample, _linear(sample)) if sample.is_bad else None
     best = best or _best(sample, _displaced(sample), FITTED)
     suspicious = best is not None or few_are_near(sample.here)
-    if suspicious and len(sample.steps) >= FIRST_STEPS:  # more steps must confirm the fault
+    if suspicious and len(sample.steps) >= FIRST_STEPS:  # a fault is tested again with more steps
         sample = sample.larger
         saved = _saved_by(best[1], sample) if best else 0.0
         best = (saved, best[1]) if best and saved else None
@@ -296,7 +306,10 @@ def state_warnings(sample: Sample) -> list[Notice]:
 def _best(
     sample: Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
-    """Return the change that saves most, the first of equal ones; None without a credible one."""
+    """Return the change that saves most, with its saving, or None if none is credible.
+
+    Of equal changes, the first one is returned.
+    """
     best: tuple[float, _Change] | None = None
     for change in changes:
         saved = _saved_by(change, sample, fewest)
@@ -306,7 +319,7 @@ def _best(
 
 
 def _linear(sample: Sample) -> Iterator[_Change]:
-    """Yield changes of units, of the order of columns, and of signs."""
+    """Yield changes of units, and changes of the order and the signs of columns."""
     columns = sample.columns
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
@@ -326,7 +339,7 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # angles lack this option
+            way = option("unit_scale", value)  # this option is not for angles
             if angles or names != lengths:
                 way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
@@ -345,7 +358,10 @@ def _linear(sample: Sample) -> Iterator[_Change]:
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
-    """Yield orders and signs of the columns, simple ones first, without the identity."""
+    """Yield new orders of the columns with new signs, simple ones first.
+
+    The present order with the present signs is left out.
+    """
     size = len(columns)
     same = tuple(range(size))
     if columns == BOX:
@@ -375,7 +391,7 @@ def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]
 def _turned(
     columns: tuple[str, ...], order: tuple[int, ...], signs: Floats, offset: Floats | None = None
 ) -> _Change:
-    """Return the change that reorders or negates columns, or both."""
+    """Return the change to a new order and new signs of the columns."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
     moved = [
         (name, columns[source])
@@ -403,7 +419,7 @@ def _turned(
 
 
 def _displaced(sample: Sample) -> Iterator[_Change]:
-    """Yield changes of the origin, also with negated or exchanged axes."""
+    """Yield changes of the origin, and of the origin together with order and signs of axes."""
     columns = sample.columns
     size = len(columns)
     mean = None if sample.is_bad else _mean_difference(sample)
@@ -412,7 +428,7 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
-        return  # such distances are not those of differences
+        return  # the distance is not one of differences of columns
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
@@ -455,7 +471,7 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
 
 
 def _mean_difference(sample: Sample) -> Floats | None:
-    """Return the common difference of near pairs, if it is most of their distance."""
+    """Return the mean difference of near pairs if it explains most of their distances, or None."""
     here = sample.here
     if len(here.taken) < FITTED:
         return None
@@ -473,7 +489,11 @@ def _mean_difference(sample: Sample) -> Floats | None:
 
 
 def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
-    """Return the difference on which most pairs agree within the radius (d,)."""
+    """Return the difference of true state and estimate that the largest number of pairs have.
+
+    Differences count as one if they are within `radius` (d,). The result is None if there are no
+    pairs, or if numbers are too large.
+    """
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
         return None
@@ -482,7 +502,7 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
     if not np.isfinite(scaled).all() or np.abs(scaled).max() > 2.0**52:
         return None
     cell = np.zeros(len(differences), np.int64)
-    for column in np.floor(scaled):  # np.unique of rows is ten times slower
+    for column in np.floor(scaled):  # by column, as np.unique of rows is ten times slower
         values, place = np.unique(column, return_inverse=True)
         cell = np.unique(cell * len(values) + place, return_inverse=True)[1]
     near = cell == np.bincount(cell).argmax()
@@ -494,7 +514,10 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
 
 
 def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
-    """Return rows of all pairs of some steps, close to the required number of votes."""
+    """Return the rows of truth and estimate of pairs at the same step, or None if there are none.
+
+    Steps and rows are thinned out evenly, so that the pairs are about as many as `VOTES` allows.
+    """
     counts = [np.bincount(side, minlength=steps) for side in (first, second)]
     starts = [np.concatenate(([0], np.cumsum(count))) for count in counts]
     pairs = counts[0] * counts[1]

@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""Fields of a plain table in one pass; `formats.text.lines` reads tables that are not plain."""
+"""Reading of a plain table in one pass; `formats.text.lines` reads tables that are not plain."""
 
 import numpy as np
 
@@ -25,15 +25,15 @@ cdef uint64_t EXACT = <uint64_t>1 << 53
 cdef enum:
     NUMBER = 1  # value of `kinds`
     TEXT = 2
-    MOST_DIGITS = 19  # that fit 64 bits
+    MOST_DIGITS = 19  # any number of 19 digits fits 64 bits
     LONGEST = 120
-    SCALES = 65  # scales from -64 to 64 are multiplied here
+    SCALES = 65  # `nearest` multiplies by powers of ten from -64 to 64
     PLAIN = 0  # value of `letters`
     ENDS = 1
     ODD = 2
 
 cdef uint64_t[2 * SCALES - 1] HIGH, LOW
-"""First 128 bits of the powers of five from -64 to 64, in the form of Lemire."""
+"""Upper and lower half of the first 128 bits of the powers of five from -64 to 64, as in Lemire."""
 
 
 def _powers_of_five():
@@ -64,11 +64,11 @@ cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcep
 
 
 cdef double nearest(uint64_t mantissa, int scale) noexcept:
-    """Return the double nearest to mantissa 10^scale, for a mantissa > 0 and a scale in `SCALES`.
+    """Return the double nearest to mantissa * 10^scale, for a mantissa > 0 and scales of -64 to 64.
 
     The algorithm is that of Eisel and Lemire: Lemire, Number parsing at a gigabyte per second,
-    Software: Practice and Experience 51 (2021). 128 bits of the power suffice: Mushtak and Lemire,
-    Fast number parsing without fallback, same journal 53 (2023).
+    Software: Practice and Experience 51 (2021). 128 bits of the power of five suffice: Mushtak and
+    Lemire, Fast number parsing without fallback, Software: Practice and Experience 53 (2023).
     """
     cdef uint64_t high, low, more, bits
     cdef int zeros = 0, step = 32, upper, exponent
@@ -119,11 +119,12 @@ cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
 cdef const char* number(
     const char* at, const char* stop, const u8* letters, char decimal, double* value
 ) except? NULL:
-    """Return the end of a field and write its number to `value`, NaN if blank; NULL if not plain.
+    """Write the number of a field to `value`, NaN if blank, and return the end of the field.
 
-    A mantissa up to 2^53 is multiplied or divided by a power of ten up to 10^22. Both are doubles,
-    so this one operation rounds correctly (Clinger, How to read floating point numbers accurately,
-    PLDI 1990). `nearest` reads other numbers up to 19 digits, and Python reads longer ones.
+    Return NULL if the field is neither a plain number nor blank. A mantissa up to 2^53 is
+    multiplied or divided by a power of ten up to 10^22. Both are doubles, so this one operation
+    rounds correctly (Clinger, How to read floating point numbers accurately, PLDI 1990). `nearest`
+    reads other numbers of up to 19 digits and powers of ten from -64 to 64. Python reads the rest.
     """
     cdef const char* begin
     cdef const char* end
@@ -177,7 +178,7 @@ cdef const char* number(
     if at < stop and letters[<u8>at[0]] != ENDS:
         return NULL
     if not some:
-        if end != begin and end + 3 != begin:  # only a sign or a mark
+        if end != begin and end + 3 != begin:  # only a sign or a decimal mark
             return NULL
         value[0] = NAN
         return at
@@ -198,10 +199,10 @@ cdef const char* number(
 
 
 cdef class Coder:
-    """Numbers of the distinct texts of a column, in order of appearance.
+    """Codes of the distinct texts of a column: 0, 1, ... in order of appearance.
 
-    Texts of tables repeat in cycles. So a text is first compared with the text of the row before,
-    and with the text that followed this one earlier.
+    Texts of tables repeat in cycles. So a text is first compared with the text of the row before.
+    Then it is compared with the text that came after that one the last time.
     """
 
     cdef dict seen
@@ -227,7 +228,7 @@ cdef class Coder:
                 return code
         text = PyUnicode_DecodeUTF8(at, length, NULL)
         code = self.seen.setdefault(text, len(self.seen))
-        if code == <int64_t>len(self.seen) - 1:  # a new text, or the newest text again
+        if code == <int64_t>len(self.seen) - 1:  # a new text, or the newest of all texts again
             self.begin[code], self.length[code] = at - data, length
             self.after[code] = -1
         if last >= 0:
@@ -237,7 +238,7 @@ cdef class Coder:
 
 
 cdef bint is_marked(const char* at, const char* stop) noexcept:
-    """Return whether a row begins like a comment, also in quotes."""
+    """Return whether a row begins with a mark of comments, perhaps behind a quote."""
     cdef bint quoted = False
     while at < stop and (at[0] == c' ' or at[0] == c'\t' or (at[0] == c'"' and not quoted)):
         quoted |= at[0] == c'"'
@@ -250,13 +251,21 @@ cdef bint is_marked(const char* at, const char* stop) noexcept:
 def scan(
     bytes data, Py_ssize_t start, str delimiter, str decimal, const u8[::1] kinds, bint quotes
 ):
-    """Return columns of numbers (n, R), codes (k, R) of texts, and the distinct texts of each.
+    """Read the R rows of a plain table.
 
-    Return None if a table is not plain: a row begins like a comment or has another number of fields
-    than `kinds`, or a field is not plainly a number or blank, or has a quote or a line end inside.
-    Without `quotes` around fields, the last field must not be blank either. `kinds` is 1 for
-    numbers, 2 for texts, 3 for both and 0 for columns to skip. `data` is UTF-8, and rows begin at
-    `start`. A blank as delimiter means any number of blanks and tabs.
+    Return the numbers (n, R) of n columns, the codes (k, R) of the texts of k columns, and the
+    distinct texts of each of these columns.
+
+    Return None if the table is not plain. This is so in these cases:
+
+    - A row begins like a comment, or has another number of fields than `kinds`.
+    - A field of numbers is neither a plain number nor blank.
+    - A field has a quote or a line end inside.
+    - `quotes` is False, and a field is in quotes or the last field is blank.
+
+    `kinds` has a number for each column: 1 for numbers, 2 for texts, 3 for both, and 0 for columns
+    to skip. `data` is UTF-8, and rows begin at `start`. A blank as delimiter means any number of
+    blanks and tabs.
     """
     cdef const char* base = data
     cdef const char* at = base + start
@@ -323,7 +332,7 @@ def scan(
                 j += 1
             if blanks:
                 if at == begin:
-                    return None  # a row too short
+                    return None  # the row has too few fields
                 while at < stop and (at[0] == c' ' or at[0] == c'\t'):
                     at += 1
             elif k < width - 1:

@@ -1,8 +1,9 @@
 """Conversion of lines of text to columns, in two ways with equal results.
 
-A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields.
-`blocks_of` and `gather` convert text that is not plain. Both receive fields from the readers of the
-formats, and report mistakes with their lines.
+The compiled loop (`scanned`) reads plain text in one pass over the bytes. It rounds numbers
+correctly, and creates no Python object for each field. `blocks_of` and `gather` read other text,
+and report mistakes with their lines. The reader of the format tells them how to split a line into
+fields.
 """
 
 import csv
@@ -43,22 +44,22 @@ from tgospa_eval.formats.rows import (
 from tgospa_eval.quoting import option, quoted
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
-"""The extension module; without it (None) reading large files takes some ten times as long."""
+"""The compiled module, or None. Without it, reading large files takes some ten times as long."""
 
 AS_NUMBER, AS_TEXT = 1, 2
-"""Types as which a column is read; a column may have both."""
+"""Types as which a column is read. Their sum means both."""
 
 BLANKS = " "
 """Delimiter that means any number of blanks."""
 
 ROWS_OF_BLOCK = 1 << 13
-"""Number of rows of a block from the csv module."""
+"""Number of rows in a block."""
 
 LETTERS_TOGETHER = 1 << 17
-"""Number of letters that are split into fields at a time."""
+"""Number of letters that are split into lines at a time."""
 
 LARGE_BYTES = 4_000_000
-"""Size in bytes from which a file is decoded only if the compiled loop cannot read it."""
+"""Size in bytes from which a whole file is decoded only if the compiled loop cannot read it."""
 
 HEADER_BYTES = 1 << 16
 """Number of first bytes in which the header of a large file is looked for."""
@@ -71,11 +72,11 @@ COMPRESSED = {
 """First bytes of compressed files that `formats.loading` does not unpack."""
 
 Block = tuple[Ints, Sequence[Sequence[str]]]
-"""Some rows of a file: the line of each row, and the fields as texts, column by column."""
+"""Some rows of a file: the number of the line of each row, and the texts of each column."""
 
 
 Wrong = dict[str, tuple[int, str, int]]
-"""First row, its text and the number of rows, for each kind of mistake in a column."""
+"""For each kind of mistake in a column: the first wrong row, its text, and the number of rows."""
 
 
 def check_text(data: bytes, path: str) -> None:
@@ -84,7 +85,7 @@ def check_text(data: bytes, path: str) -> None:
     Raises
     ------
     InputError
-        The file is empty, compressed or binary, or UTF-16 or UTF-32.
+        The file is empty, compressed, binary, UTF-16 or UTF-32.
     """
     if not data:
         formats = dict.fromkeys(option(name) for name in ("truth_format", "estimate_format"))
@@ -123,7 +124,10 @@ def decode(data: bytes, path: str) -> str:
 
 
 def beginning(data: bytes, path: str) -> tuple[str, bool]:
-    """Return a text, or only the first lines of a large ASCII file, and whether it is complete."""
+    """Return the text of a file, and whether it is complete.
+
+    For a large ASCII file, only the first lines are returned.
+    """
     if len(data) < LARGE_BYTES or not data.isascii():
         return decode(data, path), True
     end = data.rfind(b"\n", 0, HEADER_BYTES) + 1
@@ -132,18 +136,18 @@ def beginning(data: bytes, path: str) -> tuple[str, bool]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fields:
-    """Columns of a file that are used.
+    """Texts and numbers of the columns of a file that are used.
 
     Parameters
     ----------
     lines : (R,) int array or range
-        Line of each row.
+        Number of the line of each row.
     coded : dict of int to Coded
         Texts, by column.
     values : (R, n) float array
-        Columns `Roles.numbers`, NaN where blank.
+        Numbers of the n columns `Roles.numbers`, NaN where blank.
     mistakes : sequence of tuple
-        Column, row and message of fields that are not finite numbers.
+        Column, first row and message of each kind of mistake in a column: not a number, infinite.
     """
 
     lines: Ints | range
@@ -153,7 +157,7 @@ class Fields:
 
 
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
-    """Return the columns to read as texts: ids, times, classes, attributes, and `texts`."""
+    """Return the columns to read as texts: ids, times, classes, `Roles.texts`, and `texts`."""
     klass = () if roles.klass is None else (roles.klass,)
     second = () if roles.second is None else (roles.second,)
     return tuple(dict.fromkeys((roles.id, roles.time, *second, *texts, *klass, *roles.texts)))
@@ -170,10 +174,11 @@ def scanned(
     *,
     quotes: bool = True,
 ) -> Fields | None:
-    """Scan plain UTF-8 text whose rows begin on line `first` into columns; None for other text.
+    """Read the columns of plain UTF-8 text with the compiled loop; return None for other text.
 
-    Text is plain if all rows have `width` fields, and all numbers are finite or blank. It has no
-    comments, no blank lines, no line ends or quotes inside fields, and no single carriage returns.
+    Rows begin on line `first`. Text is plain if all rows have `width` fields, and all numbers are
+    finite or blank. It has no comments, no blank lines, no line ends or quotes inside fields, and
+    no carriage return without a line feed.
     """
     if scanner is None or delimiter == decimal:
         return None
@@ -204,7 +209,7 @@ def scanned(
 def lines_of(text: str, start: int = 0) -> Iterator[str]:
     """Yield the lines of the text from `start` on, with line feeds at their ends.
 
-    Some 10^5 letters are copied at a time, as a copy of the text takes four times the memory.
+    Only some 10^5 letters are copied at a time, as the copy takes four times their memory.
     """
     stop = len(text.rstrip("\n"))
     while start < stop:
@@ -215,7 +220,7 @@ def lines_of(text: str, start: int = 0) -> Iterator[str]:
 
 
 class Comments:
-    """Number of lines of comments among the rows that were read."""
+    """Counter of the lines of comments among the rows."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -242,32 +247,34 @@ def blocks_of(
 ) -> Iterator[Block]:
     """Yield rows in blocks; blank lines and comments are skipped.
 
-    Ids may begin like comments, but only if the first field of every row does.
+    A row with all fields whose first field begins like a comment is an error. But if this is so in
+    all rows, they are read.
 
     Parameters
     ----------
     lines : iterator of str
         Lines with their ends.
     split : callable
-        Callable that receives lines and yields their fields.
+        Callable that receives lines and yields the fields of each row.
     width : int
         Number of fields of a row.
     line : int
-        Line of the first row.
+        Number of the line of the first row.
     path, rule : str
         Path of the file, and the rule for the number of fields, for messages.
     comments : Comments
         Counter of the comments.
     delimiter : str
-        Delimiter of the fields, if `split` uses only this one. Then plain lines are split all at
-        once, in half the time.
+        Delimiter of the fields, if `split` uses no other. Then the lines of a block are split all
+        at once if they are plain, which takes half the time.
     quotes : bool
-        Whether fields in quotes may have line ends.
+        Whether the text has quotes, so that fields can have line ends.
 
     Raises
     ------
     InputError
-        A row has the wrong length or wrong quotes, or it may be a comment or a row.
+        A row has the wrong number of fields or wrong quotes, or it is not clear whether it is a
+        comment.
     """
     marked, are_marked = 0, True
     fault = None
@@ -314,7 +321,10 @@ def blocks_of(
 
 
 def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Sequence[str]]:
-    """Split plain lines into columns at once; return an empty list for any other lines."""
+    """Split lines into columns at once; return an empty list if they are not plain.
+
+    All lines must have `width` fields, and no delimiter may be followed by a blank.
+    """
     text = "".join(several)
     row = delimiter * (width - 1) + "\n"
     deleted = bytes(set(range(256)) - set(row.encode()))
@@ -328,10 +338,10 @@ def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Seque
 def gather(
     blocks: Iterable[Block], roles: Roles, decimal: str, texts: Sequence[int] = ()
 ) -> Fields:
-    """Gather the columns of blocks of texts; `texts` are further columns to return as texts.
+    """Convert blocks to columns; `texts` are further columns to return as texts.
 
-    A block is converted before the next one is read. So texts of numbers are not stored, and other
-    texts are stored once.
+    Each block is converted before the next one is read. So the texts of numbers are not kept, and
+    each distinct text of other columns is kept once.
     """
     wanted = text_columns(roles, texts)
     numbering: dict[int, dict[str, int]] = {column: {} for column in wanted}
@@ -363,7 +373,10 @@ def gather(
 
 
 def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Floats:
-    """Convert texts from a row on to numbers, NaN where blank; add mistakes to `wrong`."""
+    """Convert texts to numbers, NaN where blank; add mistakes to `wrong`.
+
+    The first text is in the row `row`.
+    """
 
     def note(what: str, k: int) -> None:
         first, text, count = wrong.get(what, (row + k, texts[k], 0))
@@ -394,7 +407,10 @@ def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
-    """Convert a column to numbers, NaN where blank; also return the result of `_mistakes`."""
+    """Convert a column to numbers, NaN where blank.
+
+    Also return the first row and the message of each kind of mistake.
+    """
     wrong: Wrong = {}
     return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
@@ -407,7 +423,7 @@ def convert(
     names: Sequence[str],
     name_id: Callable[[str], str] = str.strip,
 ) -> Rows:
-    """Convert the fields of a file to rows; one error reports all mistakes.
+    """Convert the fields of a file to rows; a single error reports all mistakes.
 
     Parameters
     ----------
@@ -433,7 +449,7 @@ def convert(
 
     coded, lines = fields.coded, fields.lines
     problems: list[str] = []
-    of_weights: list[str] = []  # a column with this name may not be a weight
+    of_weights: list[str] = []  # raised only if weights are needed
     ids = named_ids([coded[column] for column in (roles.id, *roles.more_ids)], name_id)
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":
@@ -464,7 +480,10 @@ def convert(
 
 
 def plain_id(text: str) -> str:
-    """Return an id as an integer if the text is 3.0 or 3.000e+00, as numeric programs write it."""
+    """Return an id as an integer if it is one, as in 3.0 or 3.000e+00.
+
+    Numeric programs write ids so. Other ids are unchanged, but NaN becomes blank.
+    """
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text

@@ -100,7 +100,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
 def rows_of(
     data: bytes, path: str, decimal: str, *, even: bool = False
 ) -> tuple[list[int], list[list[str]]]:
-    """Return the line and fields of each row; the first row decides the delimiter.
+    """Return line numbers and fields of all rows; the first row decides the delimiter.
 
     With `even`, the first row is a header, and all rows must have as many fields as the header.
     """

@@ -1,7 +1,7 @@
 """Tables of text with one row per object and step: CSV, MOTChallenge, VisDrone and KITTI.
 
-CSV has a header, ``id,t,x[,y[,z]]`` and other columns. It is parsed here instead of by pandas, for
-exact floats, exact integers, messages that name the line, and a start without importing pandas.
+CSV has a header, ``id,t,x[,y[,z]]`` and other columns. It is not read by pandas. So floats and
+integers are exact, messages name the line, and pandas, which is slow to import, is not needed.
 Tables that the compiled loop cannot read are split by the csv module.
 
 The other formats have no header. The number of fields decides the names of the columns.
@@ -60,27 +60,27 @@ DELIMITERS = ",;\t"
 
 DECIMAL = r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?"
 GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
-"""Pattern of numbers whose mark may separate thousands."""
+"""Pattern of numbers in which a point or comma may separate thousands instead of decimals."""
 
 FIELDS_BY_BLANKS = re.compile(r'"([^"\n]*)"|([^ \t\n]+)')
 
 LINES_ASIDE = 4
-"""Largest number of lines of titles, names or units above or below a header."""
+"""Largest number of lines of titles above a header, and of lines of units or names below it."""
 
 WORD = re.compile(r"[^\d\s+.,-].*[^\W\d_].*|[^\W\d_].*|[^\w\s+.,-]")
-"""Pattern of a name or unit of a column, also in brackets, but not of a number or time."""
+"""Pattern of a name or unit, also in brackets, in a line below a header; no number or time fits."""
 
 FEWEST = 3
-"""Least number of columns of a table by blanks: id, t and x."""
+"""Smallest number of columns (id, t and x) of a table whose columns are separated by blanks."""
 
 
 def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a CSV file, the same in either role.
+    """Read the rows of a CSV file; `role` has no effect.
 
     Raises
     ------
     InputError
-        An error of `formats.read`.
+        The content is wrong (see `formats.read`).
     """
     check_text_memory(path, data, options.max_input)
     check_text(data, path)
@@ -112,13 +112,13 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
 def header_of(
     text: str, path: str, options: ReadOptions, *, wide: bool = False
 ) -> tuple[list[str], Roles, str, int, int]:
-    """Find the header; return headers, roles, delimiter, and number and begin of the first row.
+    """Find the header; return headers, roles, delimiter, and where the first row begins.
 
-    The header is the first line that is understood as one, also if it begins like a comment.
-    Comments and a few lines of titles may be above the header, and a few lines of units or names
-    below it.
+    The latter is the number of its line, and its position in the text. The header is the first line
+    that is understood as one, even if it begins like a comment. Comments and a few lines of titles
+    may be above the header, and a few lines of units or names below it.
     """
-    faults: dict[int, InputError] = {}  # by number of fields; the first is the likeliest header
+    faults: dict[int, InputError] = {}  # by number of fields; the first is raised
     comments = skipped = 0
     for number, match in enumerate(re.finditer(r".*\n?", text), start=1):
         line, start = match[0].removesuffix("\n"), match.end()
@@ -141,8 +141,8 @@ def header_of(
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
         except (InputError, csv.Error) as error:
-            # The message describes the line, unless the line is a header with other names.
-            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
+            # If the line may be a header, the error names its columns; else it describes the line.
+            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # an error of csv
             if are_numbers(fields) and not foreign(line):
                 why = without_header(fields, options.option, "").removeprefix(": ")
             is_named = isinstance(error, InputError) and not foreign(line)
@@ -151,7 +151,7 @@ def header_of(
                 mistake = error if is_named else mistake
                 row = _fields(after, delimiter)
                 if len(row) == len(names) > 1 and any(map(is_number, row)):
-                    raise faults.get(len(names), error) from None  # a row follows the header
+                    raise faults.get(len(names), error) from None  # this line is the header
             is_comment = line.lstrip().startswith(COMMENTS)
             faults.setdefault(-1 if is_comment else len(names), mistake)
             comments, skipped = comments + is_comment, skipped + (not is_comment)
@@ -179,9 +179,9 @@ def header_of(
 def _lines_of_units(
     text: str, start: int, width: int, delimiter: str, roles: Roles
 ) -> tuple[int, int]:
-    """Return the number of lines of units below the header, and the begin of the rows.
+    """Return the number of lines of units below the header, and where in the text rows begin.
 
-    The number is 0 if no row follows, as then these lines are rows with mistakes.
+    If no row follows, the lines are not units but rows with mistakes, and the number is 0.
     """
     state = {column for mix in roles.state for column, _ in mix}
     count, begin = 0, start
@@ -204,7 +204,10 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 
 def _delimiter(header: str, decimal: str) -> str:
-    """Return the most frequent delimiter outside quotes; the decimal mark is the last choice."""
+    """Return the most frequent delimiter in a header, outside of quotes.
+
+    The decimal mark is the delimiter only if the header has no other.
+    """
     plain = _unquoted(header)
     return max(
         DELIMITERS,
@@ -213,10 +216,11 @@ def _delimiter(header: str, decimal: str) -> str:
 
 
 def header_by_blanks(line: str, after: str) -> list[str]:
-    """Return the headers in a line of a table by blanks; an empty list for any other line.
+    """Return the headers in a line that separates them by blanks; an empty list for other lines.
 
-    numpy.savetxt and programs of robotics write such tables. A comment mark at the beginning is
-    left out if the next line has as many words; otherwise the line is a comment.
+    numpy.savetxt and programs of robotics write such tables. If the line begins with a comment mark
+    and `after`, the next line, has as many words, the mark is left out. Otherwise such a line is a
+    comment.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
@@ -228,7 +232,7 @@ def header_by_blanks(line: str, after: str) -> list[str]:
 
 
 def _split_at_blanks(line: str) -> list[str]:
-    """Split a line of a table at blanks; a line whose first word is a comment mark is one field."""
+    """Split a line at blanks; if its first word is a comment mark, the whole line is one field."""
     fields = [within or plain for within, plain in FIELDS_BY_BLANKS.findall(line)]
     return [line] if fields and fields[0] in COMMENTS else fields
 
@@ -246,18 +250,19 @@ def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
 
 
 def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tuple[Roles, str]:
-    """Return the decimal mark of the first rows, and the roles with a notice if it is another one.
+    """Return the roles, and the decimal mark of the numbers in the first rows.
 
-    The other mark is returned only if no number has the requested mark, and a number has the other
-    mark for certain: in 1,250 and 1.250 the mark may separate thousands.
+    Decimal marks are the point and the comma. The mark that was not requested is returned in one
+    case, with a notice in the roles: no number has the requested mark, and at least one certainly
+    has the other. In 1,250 and 1.250 it is not certain, as the mark may separate thousands.
     """
-    columns = {roles.time, *roles.numbers} - {roles.weight}  # the column may not be a weight
+    columns = {roles.time, *roles.numbers} - {roles.weight}  # a weight may be no number
     other = {".": ",", ",": "."}[requested]
     if other == delimiter or other not in text:
         return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
     certain = False
-    with suppress(csv.Error):  # reported when all rows are read
+    with suppress(csv.Error):  # reported when rows are read
         for row in rows:
             for field in (row[k].strip() for k in columns if k < len(row)):
                 if re.fullmatch(DECIMAL, field):
@@ -274,7 +279,7 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
 # Formats without a header.
 
 Layouts = Mapping[int, tuple[str, ...]]
-"""Names of the columns by the number of fields; the first entry is for an empty file."""
+"""Names of the columns by the number of fields; the first item is also used for an empty file."""
 
 MOT_FIELDS = ("frame", "id", *BOX, "conf", "class", "visibility")
 MOT_LAYOUTS = {width: MOT_FIELDS[:width] for width in (9, 6, 7, 8)}
@@ -289,11 +294,11 @@ CATEGORIES = (
     *("ignored regions", "pedestrian", "people", "bicycle", "car", "van", "truck"),
     *("tricycle", "awning-tricycle", "bus", "motor", "others"),
 )
-"""Names of the classes 0 to 11."""
+"""Names of the classes 0 to 11 of VisDrone."""
 IGNORED, *NOT_EVALUATED = AS_REGIONS
 """Types of KITTI and classes of VisDrone that are not tracked."""
 UNCLASSED = "-1"
-"""Class in results of trackers without classes."""
+"""Number of the class in results of trackers that do not tell classes."""
 
 KITTI_FIELDS = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
@@ -316,14 +321,14 @@ def read_motchallenge(
     Raises
     ------
     InputError
-        An error of `formats.read`.
+        The content is wrong (see `formats.read`).
     """
     flagged = ("conf",) if role == "truth" else ()
     rows, texts = _read(path, data, options, MOT_LAYOUTS, MOT_RULE, flagged, given=given)
     _refuse_detections(rows)
     _leave_out_unknown(rows, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
-        # Results of some trackers have only -1 in this column.
+        # Some trackers write -1 as the class of all rows.
         missing = {**rows.roles.missing, "class": f"{path}: every class is -1, not known"}
         rows = replace(rows, classes=None, roles=replace(rows.roles, missing=missing))
     _leave_out_flagged(rows, texts, "conf", "0 in column 7")
@@ -336,7 +341,7 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
     Raises
     ------
     InputError
-        An error of `formats.read`, or a class is not one of VisDrone.
+        The content is wrong (see `formats.read`), or a class is not one of VisDrone.
     """
     texts_of = ("class", "score") if role == "truth" else ("class",)
     layouts = {len(VISDRONE_FIELDS): VISDRONE_FIELDS}
@@ -357,12 +362,12 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 
 
 def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
-    """Read the rows of a KITTI file, the same in either role.
+    """Read the rows of a KITTI file; `role` has no effect.
 
     Raises
     ------
     InputError
-        An error of `formats.read`.
+        The content is wrong (see `formats.read`).
     """
     layouts = {width: KITTI_FIELDS[:width] for width in (17, 18)}
     rows, texts = _read(
@@ -386,7 +391,7 @@ def _read(
     given: bool,
     commas: bool = True,
 ) -> tuple[Rows, dict[str, Coded]]:
-    """Read the rows, and some columns as texts by name.
+    """Return the rows of a file without a header, and the texts of some columns by their names.
 
     Parameters
     ----------
@@ -401,10 +406,10 @@ def _read(
     texts : tuple of str
         Names of the columns to return as texts, if the file has them.
     given : bool
-        Whether the user named the format. Then a file without content is an empty set, which cannot
-        be written in another way without a header.
+        Whether the user named the format. If so, a file without content is a set without objects.
+        Such a set cannot be written in any other way, as there is no header.
     commas : bool
-        Whether fields may be separated by commas instead of blanks.
+        Whether fields can be separated by commas instead of blanks.
 
     Raises
     ------
@@ -460,7 +465,7 @@ def _first_line(text: str) -> tuple[int, str]:
 
 
 def _refuse_detections(rows: Rows) -> None:
-    """Check that some rows have an id.
+    """Check that not all rows have the id -1, as in files of detections.
 
     Raises
     ------
@@ -474,13 +479,17 @@ def _refuse_detections(rows: Rows) -> None:
 
 
 def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: str) -> None:
-    """Exclude rows whose number in a column is 0, if the column is among the texts."""
+    """Exclude the rows with the number 0 in column `name`.
+
+    `texts` has the texts of columns. Without this column no row is excluded. `flag` describes the
+    reason, for a message.
+    """
     if name not in texts:
         return
     column = texts[name]
     values, wrong = numbers([text.strip() for text in column.distinct], ".")
     if wrong:
-        _, wrong = numbers([text.strip() for text in column], ".")  # now with row and count
+        _, wrong = numbers([text.strip() for text in column], ".")  # row by row
         row, message = wrong[0]
         raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
     mask = values[column.code] == 0
@@ -488,7 +497,9 @@ def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: 
 
 
 def _leave_out_unknown(rows: Rows, unknown: float) -> None:
-    """Exclude rows whose position in space is unknown, if the states are such positions.
+    """Exclude the rows whose position in space is unknown, if the states are positions in space.
+
+    In such a row, all coordinates are `unknown`.
 
     Raises
     ------
@@ -514,7 +525,7 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
 
 
 def _category(texts: Coded, rows: Rows) -> Coded:
-    """Return the names of numbered classes; the name of an unknown class is blank.
+    """Convert numbers of classes of VisDrone to names; the name is blank for -1.
 
     Raises
     ------

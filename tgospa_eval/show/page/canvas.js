@@ -1,7 +1,7 @@
-// Shared by all pictures: the selection, the range of steps, colours and canvases.
+// Used by all pictures: the selection, the range of steps, colours, canvases and axes.
 const state = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
 const RIGHT = 10, FOOT = 40;
-let LEFT = 74, BESIDE = 65; // room for names of lanes, and for the values and name of an axis
+let LEFT = 74, BESIDE = 65; // left margin, and the part of it for values and name of a vertical axis
 const PAPER = 690; // CSS pixels between the margins of a printed page
 let style = null;
 
@@ -60,7 +60,7 @@ function pattern(context, name) {
 }
 const fillOf = (context, name) => name === "missed" || name === "false" ? pattern(context, name) : colour(name);
 
-// Context in CSS pixels, with a clean canvas of the given height.
+// Clear a canvas and set its height. Return a context in CSS pixels, the width and the height.
 function prepare(canvas, height) {
   const width = printing ? PAPER : canvas.clientWidth || canvas.parentElement.clientWidth, ratio = Math.max(devicePixelRatio, printing ? 2 : 1);
   canvas.width = Math.round(width * ratio);
@@ -74,13 +74,13 @@ function prepare(canvas, height) {
   return [context, width, height];
 }
 
-// All pictures are as wide as the lanes, which may have a scroll bar, so that steps are above one another.
+// Make a canvas as wide as the lanes, which may have a scroll bar: so a step has one place in all pictures over time.
 function alignWithLanes(canvas) {
   const width = lanes.canvas.clientWidth;
   canvas.style.width = printing || !width ? "" : `${width}px`;
 }
 
-// Margins fit the names of lanes and the values of axes; names get at most a quarter of the width.
+// Set the left margin so that names of lanes and values of axes fit; names get at most a quarter of the width.
 function fitMargin() {
   const context = costs.canvas.getContext("2d"), width = printing ? PAPER : lanes.canvas.clientWidth || costs.canvas.clientWidth;
   const shown = [total, doc.curve.total, ...(doc.windows ? [doc.windows.lines.total] : [])];
@@ -102,7 +102,7 @@ function drawNow() {
   for (const view of views) view.draw();
 }
 
-// Begin and end of each step: halfway to its neighbours, or half the typical distance if there is a gap.
+// Begin and end of each step: halfway to the steps before and after it. Next to a gap, it is half a typical step away.
 const [begins, ends] = (() => {
   const gaps = [...moments.keys()].slice(1).map((k) => moments[k] - moments[k - 1]);
   const usual = [...gaps].sort((a, b) => a - b)[Math.floor(0.9 * (gaps.length - 1))] ?? 1;
@@ -127,12 +127,12 @@ function niceSteps(low, high, count) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const size = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
   const ticks = [];
-  // Ticks are computed from their number, because a step may be below the last digit of a large value.
+  // Each tick is computed from its index k: adding `size` again and again may not change a large value.
   for (let k = 0, first = Math.ceil(low / size) * size; k <= 2 * count + 2 && first + k * size <= high + size * 1e-9; k++) ticks.push(first + k * size);
   return ticks;
 }
 
-// Text of a value on an axis, with enough digits to distinguish it from the next value.
+// Text of a value on an axis, with enough digits to distinguish it from the next tick.
 function tick(value, ticks) {
   const size = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(value) || 1;
   if (Math.abs(value) >= 1e9 || size < 1e-6) return number(value);
@@ -140,9 +140,9 @@ function tick(value, ticks) {
   return Number(value.toFixed(digits)) === 0 ? "0" : grouped(value, digits);
 }
 
-// Computed numbers, such as 0.1 + 0.2, are shown without the digits that come from rounding.
+// Text of a time. Numbers lose digits that come from rounding: 0.1 + 0.2 becomes 0.3.
 const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
-// Length of the common beginning of times that are texts, such as the date.
+// Number of characters with which all times begin, if they are texts, such as those of the date.
 const shared = (() => {
   const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
   if (steps < 2 || typeof doc.times[0] === "number") return 0;
@@ -151,7 +151,7 @@ const shared = (() => {
   return Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
 })();
 
-// Positions and names of round times between two ends, and the name of the axis (show/time_axis.py).
+// Return positions of ticks at round times, their names, and the name of the axis, as show/time_axis.py does.
 const DAY = 86400;
 const CLOCK = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, ...[1, 2, 5, 7, 14, 28, 91, 182, 364].map((days) => days * DAY)];
 function timeTicks(low, high, count) {
@@ -207,7 +207,7 @@ function timeAxis(context, width, bottom) {
   context.fillText(title, LEFT + room / 2, bottom + 30);
 }
 
-// Name of the vertical axis, next to it.
+// Write the name of the vertical axis next to it, from bottom to top.
 function upright(context, text, top, bottom) {
   context.save();
   context.translate(LEFT - BESIDE, (top + bottom) / 2);
@@ -241,7 +241,7 @@ function chosenStep(context, width, top, bottom) {
 
 function clipped(context, text, width) {
   if (context.measureText(text).width <= width) return isolate(text);
-  // The end of an id distinguishes more than its middle.
+  // A long text loses its middle, because the end of an id distinguishes more.
   const short = (size) => `${text.slice(0, Math.floor(size / 3))}…${text.slice(text.length - Math.ceil(size * 2 / 3))}`;
   let size = Math.min(text.length, 40);
   while (size > 1 && context.measureText(short(size)).width > width) size--;
@@ -258,7 +258,7 @@ function showTip(event, text) {
   tip.style.top = `${event.clientY + box.height + 24 > innerHeight ? event.clientY - box.height - 10 : event.clientY + 16}px`;
 }
 
-// For all pictures over time: a click selects a step, a drag selects a range of steps.
+// Handle the pointer on a picture over time: a click selects a step, a drag selects a range of steps.
 function timePointer(canvas, describe, choose) {
   let begin = null;
   canvas.addEventListener("pointerdown", (event) => { if (event.button === 0) begin = event.offsetX; });

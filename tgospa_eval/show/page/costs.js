@@ -1,4 +1,4 @@
-// Stacked cost of each step, and the normalised cumulative cost.
+// Stacked cost of each step, the normalised cumulative cost, windows and NEES.
 const costs = {
   canvas: document.getElementById("costs"),
   // If there are more steps than pixels, each pixel shows its costliest step, which a click selects.
@@ -54,7 +54,7 @@ const costs = {
   },
 };
 
-// A line for each part and for the total: values at times, drawn if their time is in [low, high].
+// Draw a line for each part and for the total: its values over the times at(k), for each index k from low to high.
 function drawLines(canvas, { at, values, low, high, title }) {
   alignWithLanes(canvas);
   const [context, width, height] = prepare(canvas, 180), top = 8, bottom = height - FOOT;
@@ -93,7 +93,7 @@ const curve = {
 const windows = doc.windows && {
   canvas: document.getElementById("windows"),
   middle: (k) => (moments[doc.windows.first[k]] + moments[doc.windows.last[k]]) / 2,
-  // Only windows whose middle is in the range are shown.
+  // First and last index of the windows whose middle is in the selected range of steps.
   shown() {
     const count = doc.windows.first.length;
     let low = 0, high = count - 1;
@@ -116,7 +116,7 @@ const windows = doc.windows && {
   },
 };
 
-// NEES of each step over its band, with gaps at steps without pairs. Below it are the ranks of particles.
+// NEES of each step over its band, with gaps at steps without pairs. Below it are the ranks of the truth in its clouds.
 const nees = doc.nees && {
   canvas: document.getElementById("nees"),
   words(step) {

@@ -1,8 +1,8 @@
-// The data: a JSON document, and integers in one compressed block (show/plot_data.py, show/html.py).
+// The data: a JSON document (show/plot_data.py), and arrays of integers in one encoded text (show/html.py).
 const doc = JSON.parse(document.getElementById("data").textContent);
 const NONE = -1, FREE = -2;
 const PARTS = doc.parts;
-const word = (name) => doc.words[name] ?? name; // name of a side or a part
+const word = (name) => doc.words[name] ?? name; // displayed name of a side or a part
 const paired = PARTS.includes("switch") ? ["followed by", "follows"] : ["with", "with"];
 const steps = doc.times.length;
 const total = doc.times.map((_, k) => PARTS.reduce((sum, name) => sum + doc.costs[name][k], 0));
@@ -42,13 +42,13 @@ const derived = doc.boxes ? [["centre x", 0, 2], ["centre y", 1, 3]] : [];
 const TIME = doc.columns.length + derived.length;
 const axisNames = [...doc.columns, ...derived.map(([name]) => name), doc.axis.kind === "step" ? "number of the step" : "t"];
 
-// The unit is that of distances, which differs from that of the columns for haversine.
+// Name of an axis with its unit. doc.unit is the unit of distances; latitude and longitude are in degrees.
 const titleOf = (axis) => {
   const name = axisNames[axis], angle = name === "lat" || name === "lon";
   return isolate(name + (angle ? " / °" : doc.unit && +axis !== TIME ? ` / ${doc.unit}` : ""));
 };
 
-// First row of each track in an array that is sorted by track.
+// Index of the first entry of each track in an array that is sorted by track.
 function firsts(track, count) {
   const first = new Int32Array(count + 1);
   for (const value of track) first[value + 1]++;
@@ -71,7 +71,7 @@ function makeSide(name, arrays) {
   row.axes.push(Float64Array.from(row.step, (step) => moments[step]));
   run.first = firsts(run.track, count);
   row.first = firsts(row.track, count);
-  // Partner of each row; rows and runs are in the same order.
+  // Partner of each row: that of its run. Rows and runs have the same order.
   row.other = new Int32Array(row.track.length);
   for (let k = 0, r = 0; k < row.track.length; k++) {
     while (run.track[r] < row.track[k] || run.end[r] < row.step[k]) r++;
@@ -84,7 +84,7 @@ function makeSide(name, arrays) {
       levels: Array.from({ length: doc.columns.length * (doc.columns.length + 1) / 2 }, (_, entry) => arrays[`${name}/${what}/${entry}`]),
     };
   };
-  // Particles of all clouds are in sequence, sorted by the row of their cloud.
+  // Particles are sorted by the row of their cloud.
   const held = arrays[`${name}/particles/row`];
   const particles = {
     first: firsts(held, row.track.length), weight: arrays[`${name}/particles/weight`],
@@ -96,7 +96,7 @@ function makeSide(name, arrays) {
   return { name, table, count, run, row, spread: around("spread"), gate: around("gate"), particles, label, other: name === "truth" ? "estimate" : "truth" };
 }
 
-// The run of a track at a step, or -1.
+// Index of the run of a track that contains a step, or -1.
 function runAt(side, track, step) {
   const { first, begin, end } = side.run;
   let low = first[track], high = first[track + 1];
@@ -107,7 +107,7 @@ function runAt(side, track, step) {
   return low < first[track + 1] && begin[low] <= step ? low : -1;
 }
 
-// The first row of a track at a step or at a later step.
+// Index of the first row of a track at this step or a later one.
 function rowFrom(side, track, step) {
   let low = side.row.first[track], high = side.row.first[track + 1];
   while (low < high) {
@@ -117,7 +117,7 @@ function rowFrom(side, track, step) {
   return low;
 }
 
-// Coordinates of a track at a step at which it exists, interpolated between the rows of the page.
+// Coordinates of a track at a step, or null if it does not exist there. They are interpolated if the page lacks the row.
 function placeAt(side, track, step) {
   if (!doc.columns.length || runAt(side, track, step) < 0) return null;
   const { row } = side, k = rowFrom(side, track, step);
@@ -136,7 +136,7 @@ doc.switches.step.forEach((step, k) => {
 });
 const switchSteps = [...switchesOf.step.keys()].sort((a, b) => a - b);
 
-// Ids are isolated from the words around them, because they may have another writing direction.
+// Isolate a text from the words around it, because ids may have another writing direction.
 const isolate = (text) => `\u2068${text}\u2069`;
 const labelOf = (name, track) => track < 0 ? "none" : isolate(sides[name].label[track]);
 const grouped = (value, digits) => value.toLocaleString("en-US", { maximumFractionDigits: digits ?? 12, minimumFractionDigits: digits ?? 0 });

@@ -1,4 +1,4 @@
-// Pointer, touch, wheel and keys in the plane. One finger scrolls the page, two fingers move and zoom.
+// Pointer, touch, wheel and keys in the plane. One finger scrolls the page, two fingers move and zoom the plane.
 {
   let grip = null, moved = false;
   const { canvas } = plane, fingers = new Map();

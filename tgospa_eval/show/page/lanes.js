@@ -1,5 +1,5 @@
 // A lane for each true object, then one for each estimate with false steps; only visible lanes are drawn.
-const FOLDED = 40; // number of true objects above which those without events are hidden
+const FOLDED = 40; // number of true objects above which those without missed steps and switches are hidden
 const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
@@ -125,7 +125,7 @@ const lanes = {
       context.fillRect(x, truth ? y + 2 : middle - 2.5, wide, high);
     }
     if (truth) this.drawErrors(context, side, track, y, width);
-    // Unassigned steps are drawn last, and never thinner than 1.5 pixels.
+    // Unassigned steps are drawn over assigned ones, and at least 1.5 pixels wide.
     const crowded = span() > 1.5 * (width - LEFT - RIGHT);
     if (crowded) this.drawShares(context, run, inside, truth ? "missed" : "false", y, width);
     for (const r of crowded ? [] : inside) {
@@ -166,7 +166,7 @@ const lanes = {
     if (truth) for (const k of switchesOf.truth.get(track) || []) this.drawSwitch(context, k, y, width);
   },
 
-  // Error relative to the cutoff, as a darker part at the foot of the bar.
+  // Darken the foot of each bar; the height of this part is the error relative to the cutoff.
   drawErrors(context, side, track, y, width) {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
@@ -186,7 +186,7 @@ const lanes = {
     if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
   },
 
-  // If there are more steps than pixels, the height is the share of unassigned steps in each pixel.
+  // For more steps than pixels: draw a bar in each pixel, whose height is the share of unassigned steps.
   drawShares(context, run, inside, name, y, width) {
     const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
     for (const r of inside) {

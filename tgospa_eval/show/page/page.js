@@ -1,4 +1,4 @@
-// The selection, its storage in the address, and the buttons that change it.
+// The selection: how it is changed by buttons, kept in the address of the page, and shown.
 function address({ step = null, side = null, track = null, repair = null, from = 0, to = steps - 1 }) {
   const parts = [];
   if (repair !== null) parts.push(`repair=${repair + 1}`);
@@ -49,7 +49,7 @@ function refresh() {
   redraw();
 }
 
-// Change the selection; values that are not given stay.
+// Change some values of the selection; the others stay.
 function choose(change) {
   Object.assign(state, "track" in change ? { repair: null } : {}, change);
   if (state.step !== null && (state.step < state.from || state.step > state.to)) {
@@ -93,7 +93,7 @@ document.getElementById("step").addEventListener("change", (event) => {
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") act("clear"); });
 addEventListener("hashchange", () => { if (location.hash !== "#main") { readAddress(); refresh(); } });
 addEventListener("resize", redraw);
-// Widths also change with scroll bars.
+// The width of a picture also changes if a scroll bar appears.
 const resized = new ResizeObserver(redraw);
 for (const view of [lanes.box, plane.canvas]) resized.observe(view);
 const forget = () => { style = null; patterns.clear(); plane.drawn = null; };
@@ -128,7 +128,7 @@ async function begin() {
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);
   fitMargin();
-  lanes.draw(); // first, because scrolling to a lane needs the heights
+  lanes.draw(); // before refresh(), which scrolls to a lane and needs its height
   refresh();
   drawNow();
   document.documentElement.dataset.ready = "yes";

@@ -1,8 +1,8 @@
-// Trajectories in any two of the state columns, in the selected range of steps.
-const GROUPED = 1500; // number of events above which a mark means several events
+// Trajectories in the plane of any two axes: state columns, centres of boxes or the time. Only the selected steps are drawn.
+const GROUPED = 1500; // number of events (missed, false, switch) above which a mark means several events
 const CELL = 12; // size in pixels of the cells in which marks are grouped
 const COVERED = 0.08; // largest share of the plane that marks of one kind cover
-const NAMED = 30; // largest number of tracks with their ids
+const NAMED = 30; // largest number of tracks of a side whose ids are written
 const FAINT = 50; // number of tracks above which lines are fainter
 const plane = {
   canvas: document.getElementById("plane"),
@@ -10,8 +10,8 @@ const plane = {
   axisY: document.getElementById("axis-y"),
   downward: document.getElementById("downward"),
   equal: document.getElementById("equal"),
-  view: null, // centre, and pixels per unit of each axis
-  mark: 1, // size of marks
+  view: null, // the shown part: its centre, and pixels per unit of each axis
+  mark: 1, // size of marks, relative to the default
   crowded: false,
   kept: document.createElement("canvas"),
   drawn: null,
@@ -22,14 +22,14 @@ const plane = {
     });
     const across = doc.boxes ? doc.columns.length : doc.columns.includes("lon") ? doc.columns.indexOf("lon") : 0;
     const up = doc.boxes ? across + 1 : doc.columns.includes("lat") ? doc.columns.indexOf("lat") : 1;
-    // States with one column are shown over time.
+    // A single state column is shown over time.
     [this.axisX.value, this.axisY.value] = doc.columns.length > 1 ? [across, up] : [TIME, 0];
     this.downward.checked = doc.boxes;
     this.scales();
     document.getElementById("plane-section").hidden = !doc.columns.length;
   },
 
-  // Axes have equal scales if both are lengths, or both are angles of a map.
+  // Choose equal scales, unless one axis is the time, or only one is an angle of a map.
   scales() {
     const names = this.shownNames(), angles = names.filter((name) => name === "lat" || name === "lon");
     this.equal.checked = !names.includes(axisNames[TIME]) && angles.length !== 1;
@@ -38,7 +38,7 @@ const plane = {
     return [this.axisX, this.axisY].map((select) => axisNames[select.value]);
   },
 
-  // Tracks of a side that the selection is about, or null for all tracks.
+  // Tracks of a side that belong to the selected track or repair, or null if nothing is selected.
   chosenTracks(name) {
     if (state.track === null) return null;
     if (about) return about[name];
@@ -101,7 +101,7 @@ const plane = {
       shapes.note();
   },
 
-  // Content that does not depend on the selected step is drawn once and kept, so that stepping is quick.
+  // Draw everything that does not depend on the selected step. It is kept as an image, so that another step is shown quickly.
   still(context, width, height) {
     const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, shapes.dots.checked, printing];
     const drawn = JSON.stringify([this.view, state.from, state.to, state.step === null, state.side, state.track, state.repair, this.canvas.width, ways]);
@@ -178,7 +178,7 @@ const plane = {
     return places.map((value) => [value, tick(value, places)]);
   },
 
-  // A line for each run of consecutive steps. Points close to the point before are left out, more of them in faded lines.
+  // Draw a line through each sequence of consecutive steps of a track. Points near the one before are left out, more in faded lines.
   lines(context, side, only, width, height) {
     const { row } = side, [xs, ys] = this.coordinates(side), truth = side.name === "truth";
     context.lineJoin = "round";
@@ -187,14 +187,14 @@ const plane = {
       context.globalAlpha = dim ? 0.13 : only ? 1 : Math.min(1, FAINT / side.count + 0.05);
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
       context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
-      context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
+      context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // with many points, dashes are slow
       const near = dim ? 4 : 1;
       context.beginPath();
       let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, begun = -1, drawnX = 0, drawnY = 0;
       const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
       for (let k = from; k < to; k++) {
         const [x, y] = this.place(xs[k], ys[k], width, height);
-        // Rows are joined if the track exists at all steps between them, even if those are left out.
+        // Rows within one stride are joined: the page may lack the rows of the steps between them.
         const joined = row.step[k] - lastStep <= 1 || (row.step[k] - lastStep <= doc.stride && lastStep >= 0);
         if (!joined) {
           if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
@@ -217,7 +217,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // Arrowheads and ids of estimates at ends of tracks, and ids of truths at begins, for the costliest tracks.
+  // Draw arrowheads at the ends of the costliest tracks, and their ids: of estimates at the ends, of truths at the begins.
   ends(context, side, only, width, height) {
     const [xs, ys] = this.coordinates(side), truth = side.name === "truth", taken = [];
     const tracks = [...Array(side.count).keys()].filter((k) => !only || only.has(k));
@@ -247,7 +247,7 @@ const plane = {
     }
   },
 
-  // A stretch of a single step is a dot.
+  // Draw a dot for a sequence of a single step.
   dot(context, x, y) {
     context.moveTo(x + 1.5, y);
     context.arc(x, y, 1.5, 0, 7);
@@ -297,7 +297,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // A mark for each kind and place; its area shows the number of events there.
+  // Draw a mark for all events of a kind in a cell of the plane; its area shows their number.
   groups(context, width, height) {
     const byKind = { missed: new Map(), false: new Map(), switch: new Map() };
     const add = (name, x, y) => {
@@ -340,7 +340,7 @@ const plane = {
     context.globalAlpha = 1;
   },
 
-  // The selected step: all states, and the assigned pairs.
+  // Draw the selected step: all states, and lines between assigned pairs.
   moment(context, width, height) {
     const places = { truth: new Map(), estimate: new Map() };
     const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
@@ -424,7 +424,7 @@ const plane = {
         if (row.step[k] < state.from || row.step[k] > state.to) continue;
         const [x, y] = this.place(xs[k], ys[k], width, height);
         let far = (x - event.offsetX) ** 2 + (y - event.offsetY) ** 2;
-        // Unassigned states and selected tracks take precedence.
+        // Unassigned states and states of selected tracks count as nearer than others.
         if (row.other[k] === NONE) far *= 0.6;
         if (only && !only.has(row.track[k])) far = far * 3 + 20;
         if (far < best) [best, nearest] = [far, { side, track: row.track[k], step: row.step[k] }];

@@ -1,7 +1,8 @@
-// Repairs of the estimate: a row selects the lanes of the tracks of its repair.
+// Repairs of the estimate: a click on a row selects the tracks that its repair concerns.
 const { repairs } = doc;
 
-// Estimates that a repair changes, and the truths assigned to them from just before to just after it.
+// Tracks that a repair concerns: the estimates that it changes, and the truths assigned to them.
+// These are the truths during the steps of the repair, the last one before, and the first one after.
 function concerned(k) {
   const involved = { truth: new Set(), estimate: new Set(repairs.tracks[k]) }, { run } = sides.estimate;
   const from = repairs.from[k], to = repairs.to[k] === NONE ? from : repairs.to[k];
@@ -23,7 +24,7 @@ function selectRepair(k) {
   const [track] = repairs.tracks[k], whole = track === undefined;
   return { repair: k, side: whole ? null : "estimate", track: whole ? null : track, step: repairs.from[k] === NONE ? null : repairs.from[k] };
 }
-// Whether a lane belongs to the selection.
+// Return whether a track belongs to the selection.
 function isChosen(name, track) {
   return about ? about[name].has(track) : state.side === name && state.track === track;
 }

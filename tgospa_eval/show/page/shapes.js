@@ -1,5 +1,5 @@
-// Shapes around a state: its box, or the ellipse of the two displayed components, and its particles.
-const CLOSE = 60; // number of states in view up to which all have shapes
+// Shapes around a state: its box, or the ellipse of its covariance in the two displayed columns; and its particles.
+const CLOSE = 60; // largest number of states in view that all have shapes
 const SPECK = 1.2; // radius of a particle of average weight, in pixels
 const shapes = {
   control: document.getElementById("shapes"),
@@ -7,7 +7,7 @@ const shapes = {
   shownAlong: [0, 0], // numbers of drawn shapes and particles along trajectories
   any: doc.boxes || Boolean(doc.spread.largest),
 
-  // Whether shapes in these two columns are known and requested.
+  // Return whether shapes in these two columns are known and requested.
   shown(across, up) {
     if (!this.control.checked) return false;
     if (doc.boxes) return (across === 0 && up === 1) || (across === doc.columns.length && up === across + 1);
@@ -24,7 +24,8 @@ const shapes = {
     return parts.length ? `Drawn along trajectories (more after zooming in): ${parts.join("; ")}. All of the selected step are drawn.` : "";
   },
 
-  // Standard deviations of two components at a step, and the angle of their correlation, interpolated between known rows.
+  // Standard deviations of two columns at a step, and the angle whose sine is their correlation; null if unknown.
+  // They are interpolated between the rows with known covariances.
   spread(side, spread, track, step, across, up) {
     const { row } = side;
     if (!spread) return null;
@@ -44,7 +45,7 @@ const shapes = {
     return s || t ? [s, t, i === TIME ? 0 : level(i * (i + 1) / 2 + j) / angle] : null;
   },
 
-  // Outline as points in the units of the columns, or null.
+  // Corners of the outline of a shape in the units of the columns, or null without a shape.
   outline(side, track, step, at, across, up) {
     if (!this.shown(across, up)) return null;
     if (doc.boxes) return [[0, 0], [1, 0], [1, 1], [0, 1]].map(([right, low]) => [at[0] + right * at[2], at[1] + low * at[3]]);
@@ -90,8 +91,9 @@ const shapes = {
     return count;
   },
 
-  // Shapes along trajectories: of all states in view if these are few. Otherwise they are spaced by
-  // the size of the larger shape, for the selection, or for few tracks.
+  // Draw shapes along trajectories. If at most CLOSE states are in view, all have shapes. Otherwise the
+  // next shape is at least twice the size of the last one away; and if there are more than FEW_TRACKS
+  // tracks, only those of the selection have shapes.
   along(context, only, width, height) {
     const axes = [+plane.axisX.value, +plane.axisY.value], timed = axes.includes(TIME);
     const inside = (x, y) => x >= 56 && x <= width - 4 && y >= 4 && y <= height - 26;

@@ -1,11 +1,11 @@
-// Tables of tracks, the worst steps and tracks, and the selection in words; every name is a link.
+// Tables of tracks, and of the worst steps and tracks; the selection in words. Each name is a link that selects.
 function make(tag, content, attributes = {}) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   for (const item of Array.isArray(content) ? content : [content]) if (item !== null) element.append(item);
   return element;
 }
-// A link that selects; its address has only what the link selects.
+// Return a link that changes the selection; its address contains only the values that it changes.
 function link(text, selection) {
   const element = make("a", make("bdi", text), { href: `#${address(selection)}` });
   element.addEventListener("click", (event) => {
@@ -96,7 +96,7 @@ function worstTables() {
     make("thead", make("tr", head.map((text) => make("th", text, { scope: "col" })))),
     make("tbody", rows.length ? rows : make("tr", make("td", "none", { colspan: head.length }))),
   ]));
-  // If several steps share a bar, the document lists the costliest steps separately.
+  // If the costs are means of several steps, the single costliest steps are in doc.worst.
   const several = doc.together > 1, { costs, counts } = several ? doc.worst : doc;
   const each = several ? doc.worst.t.map((_, k) => PARTS.reduce((sum, name) => sum + costs[name][k], 0)) : total;
   const switches = PARTS.includes("switch");
@@ -106,7 +106,7 @@ function worstTables() {
   ], several ? {} : { "data-step": k })));
   for (const [name, title, kind] of [["truth", doc.words.truth ?? "Ground-truth objects", "missed"], ["estimate", doc.words.estimate ?? "Estimates", "false"]]) {
     const { table } = sides[name];
-    if (table.total.length <= 5) continue;  // the table of all tracks shows the same
+    if (table.total.length <= 5) continue;  // so few tracks are all in the table of tracks
     add(title, [word(name), "cost", `${word(kind)} steps`, ...(switches ? ["switches"] : []), "mostly"], dearest(table.total).map((k) => make("tr", [
       make("th", trackLink(name, k), { scope: "row" }), make("td", number(table.total[k])), make("td", number(table.unassigned_count[k])),
       ...(switches ? [make("td", number(table.switch_count[k]))] : []),
@@ -170,7 +170,7 @@ function drawDetail() {
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
     const runs = [], first = run.first[k], end = run.first[k + 1];
-    // If there are many runs, only those around the selected step are listed.
+    // Of many runs, only those around the selected step are listed.
     let begin = first;
     while (state.step !== null && begin < end && run.end[begin] < state.step) begin++;
     begin = Math.max(first, Math.min(begin - (MANY >> 1), end - MANY));
