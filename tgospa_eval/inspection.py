@@ -15,6 +15,7 @@ from tgospa_eval.evaluation.diagnosis import (
     diagnose,
     explained,
     lost_warnings,
+    steps_of,
     suggest_cutoff,
     unit_notices,
 )
@@ -187,10 +188,8 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
     truth, estimate = sides.read
     return {
         "steps": {
-            "union": aligned.union,
-            "common": aligned.common,
+            **steps_of(aligned, request.time_matching),
             "joined": aligned.joined,
-            "counted": len(aligned.truth.times),
         },
         "left_out": {"truth": aligned.left_out[0], "estimate": aligned.left_out[1]},
         "time": _overlap(aligned),
@@ -369,9 +368,7 @@ def _holes(holes: dict[str, int]) -> str:
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
     """Yield lines on how the files fit. If `warned`, a warning already says that clocks differ."""
     steps = both["steps"]
-    yield in_both(steps["common"], steps["union"]) + (
-        f", {steps['joined']} of them joined" if steps["joined"] else ""
-    )
+    yield in_both(steps) + (f", {steps['joined']} of them joined" if steps["joined"] else "")
     for side, rows in both["left_out"].items():
         if rows:
             yield (

@@ -227,10 +227,11 @@ def test_integers_that_no_double_holds_are_told(
 
 
 def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> None:
-    rows = "".join(f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3))
-    for name in ("t.csv", "e.csv"):
-        write(name, f"id,t,x,y,class\n{rows}")
-    assert invoke("t.csv", "e.csv", "--by", "class", "-o", "r", "--proof", "-q").status == 0
+    rows = [f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3)]
+    for name, own in (("t.csv", rows), ("e.csv", rows[:1] + rows[2:])):
+        write(name, f"id,t,x,y,class\n{''.join(own)}")
+    asked = ("--by", "class", "--resample", "1", "--max-gap", "2")  # one period for all classes
+    assert invoke("t.csv", "e.csv", *asked, "-o", "r", "--proof", "-q").status == 0
     assert invoke("verify", "r", "t.csv", "e.csv").status == 0
     for path in Path("r/proof/bus").iterdir():
         path.unlink()

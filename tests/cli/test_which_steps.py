@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -306,6 +307,34 @@ def test_declared_steps_count_whether_something_exists_or_not() -> None:
     tenths = table({("a", k / 10): 0.0 for k in range(11)})
     exact = evaluate(tenths, tenths, **METRIC, steps="0:1:0.1")
     assert (exact.judged["truth_states"], exact.total) == (11, 0)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "options", "text"),
+    [
+        ("e", {"steps": "0:100"}, "101 steps count: 10 with states of the truth, 5 of the est"),
+        ("e", {"resample": 1, "period": 1}, "10 steps count: 10 with states of the truth, 5 of t"),
+        ("e", {"resample": 1}, "the truth, 9 of the estimate, 9 of both"),
+        ("none", {"resample": 1}, "the truth, 0 of the estimate, 0 of both"),
+        ("e", {"interpolate": "estimate"}, "the truth, 9 of the estimate, 9 of both"),
+        ("e", {}, "5 of 10 steps are in both files"),
+    ],
+)
+def test_how_many_steps_have_states(estimate: str, options: dict[str, Any], text: str) -> None:
+    """Of a declared clock, no step is in a file: it has states or not."""
+    whole = table({("a", t): float(t) for t in range(10)})
+    side = whole[whole["t"] % 2 == 0] if estimate == "e" else whole[:0]
+    gap = {} if "steps" in options or not options else {"max_gap": 2}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = evaluate(whole, side, **METRIC, **options, **gap)
+    assert text in " ".join(found.notices)
+
+
+def test_inspect_counts_the_steps_with_states(files: Path, invoke: Invoke) -> None:
+    truth().to_csv("t.csv", index=False)
+    answer = invoke("inspect", "t.csv", "t.csv", "--steps", "0:100")
+    assert "101 steps count: 31 with states of the truth, 31 of the estimate" in answer.out
 
 
 def test_a_range_of_time_takes_its_part_of_declared_steps(files: Path, invoke: Invoke) -> None:

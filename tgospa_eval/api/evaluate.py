@@ -314,8 +314,7 @@ def evaluate_pair(
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
     """Evaluate each class, and add up the results."""
-    # Some distances take settings from the data: here from the data of all classes together.
-    request = replace(sides.request, distance=sides.fitted.distance)
+    request = sides.fitted.of_parts(sides.request)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()
     results = {}

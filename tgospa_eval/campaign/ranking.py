@@ -53,7 +53,7 @@ from tgospa_eval.results.records import (
     Time,
     outward,
 )
-from tgospa_eval.results.saved import of_metric
+from tgospa_eval.results.saved import OF_THE_ESTIMATE, of_metric
 from tgospa_eval.results.summary import SUMMARY, flat, pooled
 from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.result_text import COMPARED
@@ -236,7 +236,7 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
     parts: Json = {name: getattr(result, name) for name in PARTS}
     return RunOutcome(
         path=path,
-        run=_run(result.total_bounds, parts, result.solver, result.input),
+        run=_run(result.total_bounds, parts, result.solver, result.input, result.settings),
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         timestamps=timestamps,
@@ -249,7 +249,13 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
     )
 
 
-def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
+def _run(
+    bounds: tuple[float, float],
+    parts: Json,
+    solver: Json,
+    sides: object,
+    settings: Mapping[str, object],
+) -> Json:
     """Return the record of a run for the JSON document."""
     return {
         "total": bounds[1],
@@ -258,6 +264,7 @@ def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) 
         "status": solver["status"],
         "finished": bool(solver["finished"]),
         "input": sides,
+        "parameters": {name: settings[name] for name in OF_THE_ESTIMATE if name in settings},
     }
 
 
@@ -279,6 +286,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
+        solver = document["solver"]
         # A document has bounds of the root. Their powers, rounded outward, bound the total.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
@@ -287,7 +295,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         outcomes.append(
             RunOutcome(
                 path=path,
-                run=_run(bounds, document, document["solver"], document["input"]),
+                run=_run(bounds, document, solver, document["input"], document["parameters"]),
                 counts=document["counts"],
                 steps={name: np.array([step[name] for step in steps], float) for name in PARTS},
                 timestamps=own,
@@ -426,7 +434,8 @@ def ranking_document(
     )
     ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
     digests = [
-        [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
+        [f"{item.run['input']['estimate']['sha256']} {item.run['parameters']}" for item in runs]
+        for runs in entrants.values()
     ]
     equal = _same(names, digests, costs["total_lower"], costs["total"])
 
@@ -481,6 +490,7 @@ def ranking_document(
     for item, ends, statistical in zip(estimates, sure, tested, strict=True):
         item |= {"confidence": ends, "statistical_place": statistical}
     warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
+    own_settings = [run["parameters"] for item in estimates for run in item["runs"]]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -491,7 +501,11 @@ def ranking_document(
         "ranked_by": RANKED,
         "estimates": estimates,
         "pairs": pairs,
-        "parameters": parameters,
+        "parameters": {  # without those that differ between estimates
+            name: value
+            for name, value in parameters.items()
+            if name not in OF_THE_ESTIMATE or all(own.get(name) == value for own in own_settings)
+        },
         "warnings": warnings,
     }
 

@@ -237,8 +237,6 @@ def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "tuple[PreparedPair, list[str]]":
     """Return the problem of an evaluation of these files with `options`, and the files' classes."""
-    from dataclasses import replace
-
     from tgospa_eval.api.keywords import requested
     from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request
@@ -257,6 +255,6 @@ def _prepared(
     fitted, request = align_sides(resolved, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
-        fitted = fit(truth, estimate, replace(request, distance=fitted.distance))
+        fitted = fit(truth, estimate, fitted.of_parts(request))
     classes = classes_in(sides) if resolved.reading.by_class else []
     return prepare(fitted, request, stopwatch=stopwatch), classes

@@ -84,6 +84,13 @@ class AlignedPair:
     same_header: str = ""
     in_parts: bool = False
 
+    def of_parts(self, request: EvaluationRequest) -> EvaluationRequest:
+        """Return the request for parts of both sides, with the distance and the period of all."""
+        matching, reports = request.time_matching, self.alignment.reports
+        if reports is not None:
+            matching = replace(matching, period=reports.period)
+        return replace(request, distance=self.distance, time_matching=matching)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredSides(ComparedSides):

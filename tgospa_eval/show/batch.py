@@ -977,11 +977,23 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             names = listed(ranking.left_out, table_text.MAX_NAMED)
             yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
+    yield from about_periods(tables)
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
         yield f"by {option('preprocess', name)} boxes {done}"
     yield from about_other_metrics(tables)
     yield from about_slices_of(tables)
+
+
+def about_periods(tables: BatchTables) -> Iterator[str]:
+    """Yield the periods of the reports of each group."""
+    if "parameters" in tables.rows:
+        keys = [*(f"label.{name}" for name in tables.by), *tables.parameters, "_all"]
+        rows = tables.rows.dropna(subset="parameters").assign(_all="")
+        yield from table_text.about_periods(
+            (" ".join(map(value_in_words, key)).strip(), list(map(json.loads, own.unique())))
+            for key, own in rows.groupby(keys, dropna=False)["parameters"]
+        )
 
 
 def about_other_metrics(tables: BatchTables) -> Iterator[str]:

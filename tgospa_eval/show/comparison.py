@@ -248,6 +248,9 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             ]
         )
     yield table_text.SPLIT_NOTE
+    yield from table_text.about_periods(
+        (item["name"], [run["parameters"] for run in item["runs"]]) for item in estimates
+    )
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence

@@ -112,6 +112,10 @@ def test_sides() -> None:
     assert codes(none, none) == ["empty-side", "empty-side"]
     detections = replace(one, track=np.arange(4), ids=np.array(["1", "2", "3", "4"], object))
     assert codes(one, detections) == ["single-rows"]
+    for period in (1, 2):  # a report that holds at two steps is one report
+        clock = {"resample": 1, "max_gap": 2, "period": period}
+        with pytest.warns(TgospaWarning, match="every id of the estimate has a single row"):
+            evaluate(one, detections, 2.0, **clock)
     assert codes(one, moved(one, lambda x: x + 1000.0)) == ["nothing-near"]
     two = Trajectories.from_array(np.zeros((2, 2, 2)))
     assert codes(two, replace(two, ids=np.array(["7", "7.0"], object))) == ["id-types"]

@@ -63,7 +63,10 @@ def diagnose(
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
-    warnings = side_warnings(sides.read)
+    read, on_clock = sides.read, sides.alignment.reports
+    if on_clock is not None:  # a report may hold at several steps
+        read = read[0], on_clock.estimate.chosen(np.unique(on_clock.row))
+    warnings = side_warnings(read)
     clock = clock_warnings(sides, request, sample)
     warnings += clock
     if sample is not None and not any(
@@ -265,14 +268,28 @@ def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Noti
         )
 
 
+def steps_of(aligned: Alignment, matching: TimeMatching) -> dict[str, int]:
+    """Return numbers of steps: of either side, of both, and that count.
+
+    If steps are not those of the files, ``common`` is the number of steps with states of both
+    sides, and ``truth`` and ``estimate`` are those with states of one side.
+    """
+    steps = {"union": aligned.union, "common": aligned.common, "counted": len(aligned.truth.times)}
+    if matching.decided or matching.interpolate:
+        truth, estimate = (np.unique(side.step) for side in (aligned.truth, aligned.estimate))
+        steps |= {"truth": len(truth), "estimate": len(estimate)}
+        steps["common"] = int(np.isin(truth, estimate).sum())
+    return steps
+
+
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     """Describe the alignment of two sides: common steps, joined timestamps, rows left out."""
     rest = aligned.union - aligned.common
     at = "at the other, objects count as missed and tracks as false"
     if rest > 1:
         at = f"at the other {rest:,}, objects count as missed and tracks as false"
-    costly = matching.grid == "union" and rest and aligned.common
-    notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
+    costly = matching.grid == "union" and rest and aligned.common and not matching.interpolate
+    notices = [in_both(steps_of(aligned, matching)) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of timestamps was", "pairs of timestamps were")
         how = (
