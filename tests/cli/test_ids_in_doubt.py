@@ -116,6 +116,35 @@ def test_ids_of_rows(invoke: Invoke) -> None:
     assert total(invoke(truth, spots, *METRIC, *remedy)) == 0
 
 
+@pytest.mark.parametrize("other", ["track_id", "tracker_id", "track", "object_id"])
+@pytest.mark.parametrize("ids", ["rows", "pieces", "tracks", "none"])
+def test_an_id_beside_another_id(invoke: Invoke, other: str, ids: str) -> None:
+    rows = [(t, k) for t in range(6) for k in ((1, 2) if t in (1, 2) else (2, 1))]
+    truth = write("truth.csv", ["id,t,x,y", *(f"{k},{t},{50 * k + t},0" for t, k in rows)])
+    number = [
+        {"rows": n % 2, "pieces": t // 2 * 2 + k, "tracks": k, "none": 0}[ids]
+        for n, (t, k) in enumerate(rows)
+    ]
+    lines = [f"{t},{n},{k + 10},{50 * k + t},0" for n, (t, k) in zip(number, rows, strict=True)]
+    estimate = write("estimate.csv", [f"t,id,{other},x,y", *lines])
+    answer = invoke(truth, estimate, *METRIC)
+    remedy = f"--estimate-columns id={other}"
+    text = f'ids of "id" may number rows: "{other}" has other tracks; {remedy}'
+    if ids == "none":
+        assert f'{remedy} reads the ids of "{other}"' in answer.err
+    else:
+        assert f'id is read from "id", not from "{other}"; {remedy} reads that' in answer.err
+        assert (text in answer.err) == (total(answer) > 0) == (ids != "tracks")
+    answer = invoke(truth, estimate, *METRIC, *remedy.split())
+    assert (total(answer), "may number" in answer.err) == (0, False)
+    if ids == "rows":
+        table = pd.read_csv(estimate).assign(**{"class": [[1]] * len(rows)})
+        with pytest.warns(TgospaWarning, match="may number rows"):
+            evaluate(truth, table, cutoff=20, switch_penalty=5)
+        table[other] = [[1]] * len(rows)
+        assert evaluate(truth, table, cutoff=20, switch_penalty=5).total > 0
+
+
 NUMBERS = {
     "obsmat": ("{t}e0 {k}e0 {x} 0 {y} 1.5 0 0.1", "t,id,x,-,y"),
     "speeds": ("{t} {k} {x} {y} 1.5 0.1", "t,id,x,y"),

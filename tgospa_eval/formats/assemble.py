@@ -197,13 +197,14 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             "columns of ids and times may be swapped",
             remedy=f"{ask(options.option, placed)} reads them so",
         )
-    if roles.other_ids and len(used) > 2 and (used == 1).all():
-        yield Notice(
-            code="ids-of-rows",
-            text=f"every id of {quoted(roles.headers[roles.id])} has a single row: these are not "
-            "tracks",
-            remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads another column",
-        )
+    if roles.other_ids:
+        own, other = (roles.headers[k] for k in (roles.id, roles.other_ids[0]))
+        text = f"every id of {quoted(own)} has a single row: these are not tracks"
+        if len(used) < 3 or (used > 1).any():
+            text = f"ids of {quoted(own)} may number rows: {quoted(other)} has other tracks"
+        if text.startswith("every") or _may_number_rows(rows, taken):
+            remedy = f"{ask(options.option, [f'id={other}'])} reads another column"
+            yield Notice(code="ids-of-rows", text=text, remedy=remedy)
     groups = []
     for column in roles.groups:
         header = roles.headers[column]
@@ -221,6 +222,27 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             "each id counts as one track",
             remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers restart in each",
         )
+
+
+def _may_number_rows(rows: Rows, taken: Ints, *, repeated: bool = False) -> bool:
+    """Return whether ids number the rows of each step, are `repeated`, or another column has fewer.
+
+    The other column must name each row of a step, and must not have the same tracks.
+    """
+    if rows.roles.other_id not in rows.attributes or not len(taken):
+        return False
+    other = rows.attributes[rows.roles.other_id][taken].astype(np.str_)
+    columns = other, rows.ids[1][taken], rows.times.value[taken]
+    code, number, step = (np.unique(column, return_inverse=True)[1] for column in columns)
+    count = code.max() + 1
+    pairs, at_once = (len(np.unique(each * count + code)) for each in (number, step))
+    if at_once < len(taken) or np.isin(other, ("", "nan")).any():
+        return False
+    order = np.lexsort((taken, step))
+    rank = np.arange(len(taken)) - np.searchsorted(step[order], step[order])
+    if repeated or pairs == count:
+        return repeated
+    return count <= number.max() or bool((number[order] == rank).all())
 
 
 PLACED = ("left", "top", "width", "height")
@@ -669,6 +691,9 @@ def refusal(
         f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} is already in "
         f"{already}{duplicates}; "
     )
+    if _may_number_rows(rows, taken, repeated=True):
+        other = roles.headers[roles.other_ids[0]]
+        return f"{message}{ask(columns, [f'id={other}'])} reads the ids of {quoted(other)}"
     cause = _cause(taken, again, rows, columns)
     if cause:
         return message + cause

@@ -122,6 +122,13 @@ def frame_rows(
             return values.to_numpy(dtype=np.float64, na_value=np.nan)
         return attribute_of(named(column, "a number or a text"), decimal)
 
+    attributes = {}
+    for column in roles.texts:
+        try:
+            attributes[column] = attribute(column)
+        except InputError:
+            if column not in roles.doubtful:
+                raise
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
@@ -150,7 +157,7 @@ def frame_rows(
         numbers=states,
         where=where,
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
-        attributes={column: attribute(column) for column in roles.texts},
+        attributes=attributes,
         weight_fault=weight_fault,
         excluded=without_ids(ids),
     )

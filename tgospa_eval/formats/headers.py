@@ -393,7 +393,7 @@ class Headers:
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """Yield a notice if unused headers may also be a column that was found by an alias."""
-        if name in self.mapped or self.spelt(name, name) is not None:
+        if name in self.mapped or (name != "id" and self.spelt(name, name) is not None):
             return
         position = self.find(name)
         candidates = [self.names[k] for k in self.places(name) if k != position]

@@ -95,8 +95,8 @@ class Roles:
         Warnings about doubtful roles.
     more_ids : tuple of int
         Further columns whose texts are part of the ids.
-    other_ids : tuple of str
-        Unused headers that may be ids.
+    other_ids : tuple of int
+        Unused columns that may be ids.
     groups : tuple of int
         Unused columns of recordings, clusters or classes, in each of which ids may be numbered from
         the beginning.
@@ -126,7 +126,7 @@ class Roles:
     missing: dict[str, str] = field(default_factory=dict)
     doubts: tuple[Notice, ...] = ()
     more_ids: tuple[int, ...] = ()
-    other_ids: tuple[str, ...] = ()
+    other_ids: tuple[int, ...] = ()
     groups: tuple[int, ...] = ()
     height: str = ""
     options: ReadOptions
@@ -144,8 +144,20 @@ class Roles:
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes, filters, ids and groups without another role, read as texts."""
         known = {self.id, self.time, self.klass, *self.numbers}
-        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
-        return tuple(sorted(wanted - known))
+        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        return tuple(sorted((wanted | self.doubtful) - known))
+
+    @property
+    def doubtful(self) -> set[int]:
+        """Columns that are only read for messages, so their values may be of any type."""
+        return {*self.groups, *([] if self.other_id is None else [self.other_id])}
+
+    @property
+    def other_id(self) -> int | None:
+        """Column whose values are compared with those of a column ``id`` that nobody named."""
+        named = any(item.partition("=")[0].strip() == "id" for item in self.options.columns or ())
+        plain = self.headers[self.id].casefold() == "id" and not (named or self.more_ids)
+        return next(iter(self.other_ids), None) if plain else None
 
     @property
     def used(self) -> list[int]:
@@ -339,7 +351,7 @@ def find_roles(
         second=second,
         missing=missing,
         more_ids=more_ids,
-        other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
+        other_ids=tuple(k for k in headers.places("id") if k not in used),
         groups=tuple(
             k
             for k, name in enumerate(names)
