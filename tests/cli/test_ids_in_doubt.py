@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from answer import Invoke
 
-from tgospa_eval import TgospaWarning, evaluate
+from tgospa_eval import TgospaWarning, evaluate, read_trajectories
 
 METRIC = ("-c", "20", "-g", "5")
 
@@ -235,6 +235,25 @@ def test_ids_before_frames(invoke: Invoke) -> None:
     answer = invoke(truth, estimate, *METRIC, "--columns", remedy)
     assert total(answer) == pytest.approx(24 * 9, rel=1e-4)
     assert "exchanged" not in answer.err
+
+
+@pytest.mark.parametrize("header", ["", "a b x y"])
+def test_times_before_ids(invoke: Invoke, header: str) -> None:
+    rows = [f"{t} {k} {20 * k + t} {5 * k}" for t in range(6) for k in (1, 2)]
+    path = write("rows.txt", [*([header] if header else []), *rows])
+    if not header:
+        answer = invoke("inspect", path)
+        assert "order of the file with --columns t,id,x,y (" in answer.err
+        swapped = write("swapped.txt", ["{1} {0} {2} {3}".format(*row.split()) for row in rows])
+        assert "order of the file with --columns id,t,x,y (" in invoke("inspect", swapped).err
+    wrong, right = ("id=a,t=b", "id=b,t=a") if header else ("id,t,x,y", "t,id,x,y")
+    answer = invoke(path, path, *METRIC, "--columns", wrong)
+    assert f"may be swapped; --truth-columns {right} reads them so" in answer.err
+    answer = invoke(path, path, *METRIC, "--columns", right)
+    assert (total(answer), "swapped" in answer.err) == (0, False)
+    assert "6 steps" in answer.out
+    with pytest.warns(TgospaWarning, match="may be swapped"):
+        read_trajectories(path, columns=tuple(wrong.split(",")))
 
 
 @pytest.mark.parametrize(

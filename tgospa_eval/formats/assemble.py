@@ -15,7 +15,8 @@ from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
-from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
+from tgospa_eval.formats.roles import Roles
+from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids, spacings
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
@@ -188,14 +189,13 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
     used = count[count > 0]
     if not whole:
         return
-    if roles.fixed and "left" in roles.headers and _are_exchanged(rows, taken):
-        placed = [name if name in PLACED else "-" for name in roles.headers]
-        placed[roles.id], placed[roles.time] = "t", "id"
+    exchanged = _exchanged(roles, options)
+    if exchanged and _are_exchanged(rows, taken):
         yield Notice(
             code="ids-exchanged",
             text="rows of one id are far apart, and rows of one step are near each other: the "
             "columns of ids and times may be swapped",
-            remedy=f"{ask(options.option, placed)} reads them so",
+            remedy=f"{ask(options.option, exchanged)} reads them so",
         )
     if roles.other_ids:
         own, other = (roles.headers[k] for k in (roles.id, roles.other_ids[0]))
@@ -249,19 +249,25 @@ PLACED = ("left", "top", "width", "height")
 """Columns of boxes in formats without headers."""
 
 
+def _exchanged(roles: Roles, options: ReadOptions) -> list[str]:
+    """Return the names of the columns with ids and times exchanged; empty if nobody named them."""
+    if roles.fixed and "left" in roles.headers:
+        placed = [name if name in PLACED else "-" for name in roles.headers]
+        placed[roles.id], placed[roles.time] = "t", "id"
+        return placed
+    named = [*map(str.strip, options.placed or options.columns or ())]
+    if "t" in named and not roles.fixed:  # columns without headers
+        return [{"id": "t", "t": "id"}.get(name, name) for name in named]
+    states = [item for item in named if not item.startswith(("id=", "t="))]
+    places = [f"id={roles.headers[roles.time]}", f"t={roles.headers[roles.id]}"]
+    return [*states, *places] if len(states) < len(named) else []
+
+
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
     """Return whether consecutive rows of one step are much nearer than those of one id."""
     taken = taken[:SAMPLED]
-    number, timestamps = rows.ids[1][taken], rows.times.value[taken]
-    places = rows.numbers[taken, :2]
-
-    def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
-        order = np.lexsort((second, first))
-        alike = first[order][1:] == first[order][:-1]
-        lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
-        return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
-
-    return spacing(number, timestamps) > EXCHANGED * spacing(timestamps, number) > 0
+    of_ids, of_steps = spacings(rows.ids[1][taken], rows.times.value[taken], rows.numbers[taken])
+    return of_ids > EXCHANGED * of_steps > 0
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0

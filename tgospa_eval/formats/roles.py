@@ -608,13 +608,13 @@ def are_numbers(fields: Sequence[str]) -> bool:
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
-def without_header(fields: Sequence[str], name: str, where: str) -> str:
+def without_header(fields: Sequence[str], name: str, where: str, order: str = "id,t,x,y") -> str:
     """Return the message about a table that begins with numbers instead of a header."""
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in the order of the "
-        f"file with {option(name or 'columns', 'id,t,x,y')} (also z, left, top, width, height; a "
+        f"file with {option(name or 'columns', order)} (also z, left, top, width, height; a "
         "minus for a column to skip), "
         f"or name the format ({formats})"
     )

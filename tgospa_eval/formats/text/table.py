@@ -38,7 +38,7 @@ from tgospa_eval.formats.headers import BOX
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
-from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
+from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered, spacings
 from tgospa_eval.formats.text.lines import (
     BLANKS,
     ROWS_OF_BLOCK,
@@ -140,11 +140,14 @@ def header_of(
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
-        except (InputError, csv.Error) as error:
+        except (InputError, csv.Error) as caught:
+            error: Exception = caught
             # The message describes the line, unless the line is a header with other names.
-            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             if are_numbers(fields) and not foreign(line):
-                why = without_header(fields, options.option, "").removeprefix(": ")
+                rows = split_rows(lines_of(text, match.start()), delimiter)
+                order = _likely_order(itertools.islice(rows, ROWS_OF_BLOCK), options.decimal)
+                error = InputError(without_header(fields, options.option, where, order))
+            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             is_named = isinstance(error, InputError) and not foreign(line)
             mistake = InputError(f"{where}: {why}")
             if isinstance(error, InputError):
@@ -174,6 +177,16 @@ def header_of(
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     of_comments = faults.pop(-1, blank)
     raise next(iter(faults.values()), of_comments)
+
+
+def _likely_order(rows: Iterable[list[str]], decimal: str) -> str:
+    """Return the likely order of the columns id, t, x, y, by distances of consecutive rows."""
+    with suppress(ValueError, csv.Error):  # other rows have no likely order
+        kept = [[float(field.replace(decimal, ".")) for field in row[:4]] for row in rows if row]
+        first, second, *places = np.array(kept).T
+        of_ids, of_steps = spacings(first, second, np.array(places).T)
+        return "t,id,x,y" if of_ids > of_steps else "id,t,x,y"
+    return "id,t,x,y"
 
 
 def _lines_of_units(
