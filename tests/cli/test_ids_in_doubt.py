@@ -220,6 +220,31 @@ def test_rows_of_no_track_that_repeat(invoke: Invoke, name: str) -> None:
     assert total(invoke(truth, estimate, *METRIC, "--estimate-where", f"id != {name}")) == 0
 
 
+@pytest.mark.parametrize("separator", [",", " "])
+def test_ids_that_a_spreadsheet_rounded(invoke: Invoke, separator: str) -> None:
+    rows = [f"2.19E+08,{t},{t},{k}" for k in (0, 50) for t in range(k, k + 3)]
+    path = write("ships.csv", [line.replace(",", separator) for line in ("mmsi,t,x,y", *rows)])
+    text = 'id "2.19E+08" has lost digits, as in spreadsheets, so several objects may share it'
+    assert f"{text}; write all digits of the ids" in invoke(path, path, *METRIC).err
+    at_once = [*rows, "2.19E+08,1,900,0"]
+    path = write("ships.csv", [line.replace(",", separator) for line in ("mmsi,t,x,y", *at_once)])
+    answer = invoke(path, path, *METRIC)
+    assert (answer.status, text in answer.err, "duplicate first" in answer.err) == (3, True, False)
+    exact = write("exact.csv", ["id,t,x,y", "1.000e+03,0,0,0", "4E1234,0,9,0", "1e5,0,5,0"])
+    assert "lost digits" not in invoke(exact, exact, *METRIC).err
+
+
+@pytest.mark.parametrize("form", ["csv", "visdrone"])
+def test_detections_with_classes(invoke: Invoke, form: str) -> None:
+    rows = [f"{t},0,{60 * k},{t},50,40,1,{k},0,0" for t in range(1, 9) for k in (1, 4)]
+    header = ["frame,id,left,top,width,height,conf,class,v,w"] if form == "csv" else []
+    path = write("a.csv", header + rows)
+    answer = invoke(path, path, *METRIC, "--truth-format", form, "--estimate-format", form)
+    assert answer.status == 3
+    assert 'nearly every id is "0", as in detections, but TGOSPA compares tracks' in answer.err
+    assert "class+id" not in answer.err
+
+
 def test_ids_before_frames(invoke: Invoke) -> None:
     def lines(shift: int) -> list[str]:
         return [

@@ -1,6 +1,6 @@
 """Conversion of the rows of a file to Trajectories: filters, duplicates and order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -11,7 +11,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.fields import Coded, attribute_of
+from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
@@ -186,6 +186,8 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             text=f"id {names[k]}{of_rows} counts as one track; {OFTEN_NONE}",
             remedy=without_id(names[k], rows, options.option),
         )
+    if (name := _rounded(names[count > 0])) is not None:
+        yield Notice(code="ids-rounded", text=_lost(name), remedy="write all digits of the ids")
     used = count[count > 0]
     if not whole:
         return
@@ -273,6 +275,16 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
 SAMPLED, EXCHANGED = 10_000, 5.0
 """Number of rows that are examined; and ratio of distances from which ids and times may be
 swapped."""
+
+
+def _rounded(names: Iterable[str]) -> str | None:
+    """Return the first name that is a rounded number; None if there is no such name."""
+    return next((name for name in names if "+" in name and is_rounded(name)), None)
+
+
+def _lost(name: str) -> str:
+    """Return the message about an id that is a rounded number."""
+    return f"id {quoted(name)} has lost digits, as in spreadsheets, so several objects may share it"
 
 
 OFTEN_NONE = "many programs write it for rows without a track"
@@ -701,14 +713,16 @@ def refusal(
         other = roles.headers[roles.other_ids[0]]
         return f"{message}{ask(columns, [f'id={other}'])} reads the ids of {quoted(other)}"
     cause = _cause(taken, again, rows, columns)
-    if cause:
-        return message + cause
+    is_single = len(np.unique(rows.ids[1][taken])) == 1
     groups = [
         roles.headers[column]
         for column in roles.groups
         if column in rows.attributes
+        and (GROUP.fullmatch(roles.headers[column]) or not is_single)
         and len(set(rows.attributes[column][[first, row]].astype(np.str_).tolist())) == 2
     ]
+    if cause and not (groups and is_single and cause != ONLY_DETECTIONS):
+        return message + cause
     if groups:
         whole_id = "+".join([*groups, roles.headers[roles.id]])
         mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
@@ -727,16 +741,22 @@ def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
     """Return a reason why rows repeat an (id, t), with a remedy; blank if the reason is unknown."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
-    if name == "-1" and counts.max() == len(taken):
+    is_single = counts.max() == len(taken)
+    if name == "-1" and is_single:
         return ONLY_DETECTIONS
     repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
+    if (rounded := _rounded(repeated)) is not None:
+        return f"{_lost(rounded)}; write all digits of the ids"
     if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
         (name,) = repeated
         return f"{OFTEN_NONE}; {without_id(name, rows, columns)}"
-    if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
+    most = NEARLY_ALL * len(taken)
+    if counts.max() < most or (4 if is_single else 2) * len(again) <= len(taken):
         return ""
+    fault = f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks"
+    if rows.roles.fixed:
+        return fault
     return (
-        f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks; if the "
-        f"ids are not in {quoted(rows.roles.headers[rows.roles.id])}, name their column, "
-        f"{option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
+        f"{fault}; if the ids are not in {quoted(rows.roles.headers[rows.roles.id])}, name their "
+        f"column, {option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
     )

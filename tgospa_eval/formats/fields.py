@@ -383,6 +383,12 @@ def _reading_of(text: str) -> str:
     )
 
 
+def is_rounded(text: str) -> bool:
+    """Return whether a text is a number with fewer digits than its exponent, such as 2.19E+08."""
+    digits = re.fullmatch(r"-?\d(?:[.,](\d*))?[eE]\+(\d+)", text)
+    return digits is not None and len(digits[1] or "") < int(digits[2])
+
+
 BLANK = "leave it blank where the object is absent"
 """Remedy for a number without a better one."""
 

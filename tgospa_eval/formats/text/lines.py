@@ -27,6 +27,7 @@ from tgospa_eval.formats.fields import (
     attribute_of,
     floats,
     is_number,
+    is_rounded,
     read_times,
     remedy_for,
 )
@@ -466,7 +467,7 @@ def convert(
 def plain_id(text: str) -> str:
     """Return an id as an integer if the text is 3.0 or 3.000e+00, as numeric programs write it."""
     text = text.strip()
-    if text.isdigit() or "_" in text or not text.isascii():
+    if text.isdigit() or "_" in text or not text.isascii() or is_rounded(text):
         return text
     from decimal import Decimal  # lazy: slow to import, and few numbers are ids
 
