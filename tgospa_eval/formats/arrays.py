@@ -371,11 +371,11 @@ def _oriented(
         for kind, array in other.items():
             if not np.array_equal(array, made[0][kind], equal_nan=True):
                 orders, base = dict.fromkeys(way[kind] for way in fits), NAMES[kind][0]
-                told = kind != "P" and array.shape != made[0][kind].shape and len(known) < 2
+                savable = kind != "P" and array.shape != made[0][kind].shape and len(known) < 2
                 raise InputError(
                     f"{path}: {shapes}: {kinds[kind][0]} may be {' or '.join(map(_spelt, orders))};"
                     f" name it {' or '.join(f'{base}_{one}' for one in orders)}"
-                    f"{', or save t and id with it' if told else ''}"
+                    f"{', or save t and id with it' if savable else ''}"
                 )
     return made[0]
 

@@ -312,7 +312,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
         else:
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
-            remedy = _reading_of(text) or "write a number or an ISO-8601 time"
+            remedy = reading_of(text) or "write a number or an ISO-8601 time"
             if re.fullmatch(r"\s*[-+]?[\d.]+\s*[A-Za-z]+\s*", text):
                 remedy = remedy_for(text)
             remedy += f"; {remedy_for(text)}" if "," in text else ""
@@ -357,7 +357,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
 DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(:\d{2}(\.\d+)?)?)?")
 
 
-def _reading_of(text: str) -> str:
+def reading_of(text: str) -> str:
     """Return a remedy with the formats that read an ambiguous date or a time of day, or a blank."""
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)

@@ -6,7 +6,7 @@ Tables of text may also have separate columns for each object, as ``t,x1,y1,x2,y
 import csv
 import datetime
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -140,7 +140,15 @@ def frame_rows(
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # the column may not be a weight
     with _placed(frame.iloc[:, roles.time], where):
-        times = _formed_times(frame, roles, name, decimal)
+        try:
+            times = _formed_times(frame, roles, name, decimal)
+        except TimeError as error:
+            why = str(error)
+            with suppress(RowError):  # values of a column of dates may be of any type
+                columns = [*roles.dates[:1], roles.time]
+                texts = [_as_texts(frame.iloc[:, column], decimal) for column in columns]
+                why = roles.dated(*texts, decimal, error.row) or why if len(texts) == 2 else why
+            raise TimeError(error.row, why) from None
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":

@@ -148,11 +148,11 @@ def ask(name: str, items: Sequence[str]) -> str:
 
     `name` is the name of the option; blank for a DataFrame.
     """
-    if name:
+    if name or any("+" in item for item in items):
         from shlex import quote  # lazy: for messages only
 
         value = ",".join(items)
-        return option(name, quote(value) if surface.get() == COMMAND else value)
+        return option(name or "columns", quote(value) if surface.get() == COMMAND else value)
     headers = {
         f"HEADER of {name}" if header == "HEADER" else header: name
         for name, _, header in (item.partition("=") for item in items)

@@ -14,7 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.fields import Coded, TimeError, is_number, read_times, reading_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
@@ -143,14 +143,38 @@ class Roles:
     @property
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes, filters, ids and groups without another role, read as texts."""
-        known = {self.id, self.time, self.klass, *self.numbers}
         wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids}
-        return tuple(sorted((wanted | self.doubtful) - known))
+        return tuple(sorted((wanted | self.doubtful) - self.known))
+
+    @property
+    def known(self) -> set[int | None]:
+        """Columns of ids, times, classes and numbers."""
+        return {self.id, self.time, self.klass, *self.numbers}
 
     @property
     def doubtful(self) -> set[int]:
         """Columns that are only read for messages, so their values may be of any type."""
-        return {*self.groups, *([] if self.other_id is None else [self.other_id])}
+        return {*self.groups, *self.dates, *([] if self.other_id is None else [self.other_id])}
+
+    @property
+    def dates(self) -> list[int]:
+        """Unused columns of dates; times may be times of day."""
+        names = [*map(str.casefold, self.headers)] if self.second is None else []
+        return [k for k, name in enumerate(names) if DATE.fullmatch(name) and k not in self.known]
+
+    def dated(self, date: Coded, time: Coded, decimal: str, row: int) -> str:
+        """Return the message about a time of day, if it can be read with its date; else a blank."""
+        also = ""
+        try:
+            read_times(date, decimal, self.options.form, time)
+        except TimeError:
+            also = reading_of(f"{date[row].strip()} {time[row].strip()}")
+            if not also:
+                return ""
+        both = "+".join(self.headers[k] for k in (self.dates[0], self.time))
+        way = ask(self.options.option, [f"t={both}"])
+        also = also and f"; {also}"
+        return f"a time of day: {quoted(time[row])}; {way} reads it with its date{also}"
 
     @property
     def other_id(self) -> int | None:
@@ -399,6 +423,9 @@ def _check_stamp(headers: Headers) -> None:
         parts = " and ".join(map(quoted, stamp))
         raise InputError(f"{headers.where}: {parts} are two parts of one time; read both, {remedy}")
 
+
+DATE = re.compile(r"(.*[\W_])?date([\W_]?utc)?")
+"""Pattern of headers of dates."""
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
 """Pattern of headers of classes, in each of which ids may also be numbered from the beginning."""

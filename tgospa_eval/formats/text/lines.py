@@ -447,7 +447,10 @@ def convert(
         second = None if roles.second is None else coded[roles.second]
         times = read_times(coded[roles.time], decimal, roles.options.form, second, roles.digits)
     except TimeError as error:
-        problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
+        texts = [coded[column] for column in (*roles.dates[:1], roles.time)]
+        why = roles.dated(*texts, decimal, error.row) if len(texts) == 2 else ""
+        place = f"{where(error.row)}, column {quoted(names[roles.time])}"
+        problems.append(f"{place}: {why or error}")
     if problems:
         raise InputError(*problems)
     return Rows(
