@@ -517,10 +517,14 @@ def _check_states(
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with the name
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
+    sizes = rows.roles.sizes
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
         leave_out(infinite, "", "a box too large for a number", "; use another unit")
-    for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
+    # Boxes of -1 are unknown, and `by_place` reads another position, or reads again with `hidden`.
+    again = rows.roles.fixed and rows.whole and not (options.hidden or options.boxes)
+    unknown = again and _idle(rows, options) and (rows.roles.mixed(rows.numbers, sizes) == -1).all()
+    for name, size in zip(("width", "height"), () if unknown else sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
         bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
