@@ -81,6 +81,12 @@ def from_frame(
     try:
         roles = find_roles(headers, options, name, wide=True)
     except InputError:
+        if frame.columns.nlevels > 1:
+            joined = '["_".join(map(str, levels)) for levels in table.columns]'
+            raise InputError(
+                f"{name}: the columns have {frame.columns.nlevels} levels; join the levels, "
+                f"table.columns = {joined}"
+            ) from None
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise

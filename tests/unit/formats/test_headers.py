@@ -207,6 +207,21 @@ def test_a_table_of_both_sides(write: Write) -> None:
     assert "positions may be x_gt,y_gt or x_est,y_est" in refusal(path)[0]
 
 
+def test_columns_of_several_levels(write: Write) -> None:
+    path = write("a.csv", PLAIN)
+    table = pd.read_csv(path)
+    levels = zip([1, 1, "pos", "pos"], table.columns, strict=True)
+    table.columns = pd.MultiIndex.from_tuples([*levels])
+    with pytest.raises(
+        InputError, match=r"have 2 levels; join the levels, table\.columns = "
+    ) as caught:
+        evaluate(path, table, 2, 2, 1)
+    exec(str(caught.value).split("levels, ")[1], {"table": table})
+    named = {"id": "1_id", "t": "1_t", "x": "pos_x", "y": "pos_y"}
+    columns = [f"{name}={header}" for name, header in named.items()]
+    assert evaluate(path, table, 2, 2, 1, estimate_columns=columns).total == 0
+
+
 def test_a_track_of_an_aircraft_is_a_direction(write: Write) -> None:
     path = write("a.csv", "time,icao24,lat,lon,track\n0,a,55,12,90\n1,a,55,12,91\n")
     reading = read(path)
