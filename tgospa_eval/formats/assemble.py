@@ -231,11 +231,12 @@ def _may_number_rows(rows: Rows, taken: Ints, *, repeated: bool = False) -> bool
 
     The other column must name each row of a step, and must not have the same tracks.
     """
-    if rows.roles.other_id not in rows.attributes or not len(taken):
+    column = rows.roles.other_id
+    if column is None or column not in rows.attributes or not len(taken):
         return False
-    other = rows.attributes[rows.roles.other_id][taken].astype(np.str_)
+    other = rows.attributes[column][taken].astype(np.str_)
     columns = other, rows.ids[1][taken], rows.times.value[taken]
-    code, number, step = (np.unique(column, return_inverse=True)[1] for column in columns)
+    code, number, step = (np.unique(each, return_inverse=True)[1] for each in columns)
     count = code.max() + 1
     pairs, at_once = (len(np.unique(each * count + code)) for each in (number, step))
     if at_once < len(taken) or np.isin(other, ("", "nan")).any():
@@ -755,7 +756,7 @@ def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
         (name,) = repeated
         return f"{OFTEN_NONE}; {without_id(name, rows, columns)}"
     most = NEARLY_ALL * len(taken)
-    if counts.max() < most or (4 if is_single else 2) * len(again) <= len(taken):
+    if counts.max() < most or (4 if is_single and len(again) > 1 else 2) * len(again) <= len(taken):
         return ""
     fault = f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks"
     if rows.roles.fixed:

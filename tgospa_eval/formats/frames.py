@@ -153,7 +153,7 @@ def frame_rows(
             with suppress(RowError):  # values of a column of dates may be of any type
                 columns = [*roles.dates[:1], roles.time]
                 texts = [_as_texts(frame.iloc[:, column], decimal) for column in columns]
-                why = roles.dated(*texts, decimal, error.row) or why if len(texts) == 2 else why
+                why = roles.dated(texts, decimal, error.row) or why
             raise TimeError(error.row, why) from None
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
     blank = blanks(ids)

@@ -162,8 +162,14 @@ class Roles:
         names = [*map(str.casefold, self.headers)] if self.second is None else []
         return [k for k, name in enumerate(names) if DATE.fullmatch(name) and k not in self.known]
 
-    def dated(self, date: Coded, time: Coded, decimal: str, row: int) -> str:
-        """Return the message about a time of day, if it can be read with its date; else a blank."""
+    def dated(self, texts: Sequence[Coded], decimal: str, row: int) -> str:
+        """Return the message about a time of day, if it can be read with its date; else a blank.
+
+        `texts` has the first of `dates`, if there is one, and the times.
+        """
+        if len(texts) < 2:
+            return ""
+        date, time = texts
         also = ""
         try:
             read_times(date, decimal, self.options.form, time)

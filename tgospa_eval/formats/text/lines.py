@@ -448,7 +448,7 @@ def convert(
         times = read_times(coded[roles.time], decimal, roles.options.form, second, roles.digits)
     except TimeError as error:
         texts = [coded[column] for column in (*roles.dates[:1], roles.time)]
-        why = roles.dated(*texts, decimal, error.row) if len(texts) == 2 else ""
+        why = roles.dated(texts, decimal, error.row)
         place = f"{where(error.row)}, column {quoted(names[roles.time])}"
         problems.append(f"{place}: {why or error}")
     if problems:
