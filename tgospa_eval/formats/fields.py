@@ -318,7 +318,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
         else:
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
-            remedy = _reading_of(text) or "write a number or an ISO-8601 time"
+            remedy = reading_of(text) or "write a number or an ISO-8601 time"
             if with_unit := WITH_UNIT.fullmatch(text):
                 remedy = unit_in_header(with_unit[1])
             remedy += f"; {remedy_for(text)}" if "," in text else ""
@@ -367,7 +367,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
 DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(:\d{2}(\.\d+)?)?)?")
 
 
-def _reading_of(text: str) -> str:
+def reading_of(text: str) -> str:
     """Return a remedy for a text that is a time of day, or a date such as 1/2/2020.
 
     The remedy has the formats that would read the text. It is blank for other texts.
@@ -394,6 +394,12 @@ def _reading_of(text: str) -> str:
         f"choose with {option('truth_time_format')} or {option('estimate_time_format')}: "
         f"{', '.join(ways)}"
     )
+
+
+def is_rounded(text: str) -> bool:
+    """Return whether a text is a number with fewer digits than its exponent, such as 2.19E+08."""
+    digits = re.fullmatch(r"-?\d(?:[.,](\d*))?[eE]\+(\d+)", text)
+    return digits is not None and len(digits[1] or "") < int(digits[2])
 
 
 BLANK = "leave it blank where the object is absent"

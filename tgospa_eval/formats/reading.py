@@ -246,7 +246,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
     if not (reading.trajectories.state == -1).all():  # others may be true positions
-        return reading
+        return read_by(replace(options, hidden=("",))) if reading.centres else reading
     warning = Notice(
         code="no-place",
         text=f"{fault}, as of an unknown position",

@@ -118,7 +118,10 @@ def test_sides() -> None:
             evaluate(one, detections, 2.0, **clock)
     assert codes(one, moved(one, lambda x: x + 1000.0)) == ["nothing-near"]
     two = Trajectories.from_array(np.zeros((2, 2, 2)))
-    assert codes(two, replace(two, ids=np.array(["7", "7.0"], object))) == ["id-types"]
+    for ids in (["7", "7.0"], ["7", "07"], ["07", "7.00"], ["0", "00"], ["007", "07"]):
+        assert codes(two, replace(two, ids=np.array(ids, object))) == ["id-types"]
+    for ids in (["7", "70"], ["07", "08"], ["0", "1"], ["7", "7.5"], ["0", "0x0"]):
+        assert not codes(two, replace(two, ids=np.array(ids, object)))
 
 
 def test_near_by_chance(sample: Sides) -> None:

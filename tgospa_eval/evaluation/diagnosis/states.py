@@ -4,6 +4,7 @@ A trial undoes each suspected fault at some steps that both have. There is a war
 if this at least halves the per-step GOSPA cost.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, permutations, product
@@ -59,17 +60,17 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Return a warning if two ids are the same number in different texts, such as 7 and 7.0."""
+    """Return warnings of ids that are the same number in different texts: 7, 07 and 7.0."""
     ids = side.ids.tolist()
-    pointed = [text for text in ids if "." in text]
-    whole = {text for text in ids if text.isdigit()} if pointed else ()
-    for text in pointed:
-        number, _, zeros = text.partition(".")
-        if zeros and not zeros.strip("0") and number in whole:
+    known: dict[str, str] = {}
+    for text in ids if any("." in text or text[:1] == "0" for text in ids) else ():
+        number = re.fullmatch(r"0*([0-9]+)(\.0*)?", text)
+        earlier = known.setdefault(number[1], text) if number else text
+        if earlier != text:
             return [
                 Notice(
                     code="id-types",
-                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are one "
+                    text=f"ids {quoted(earlier)} and {quoted(text)} of the {name} are one "
                     "number in two spellings, but they count as two tracks",
                     remedy="write each id in one way only",
                 )

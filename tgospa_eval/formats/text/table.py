@@ -39,7 +39,7 @@ from tgospa_eval.formats.headers import BOX, unit_of
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
-from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
+from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered, spacings
 from tgospa_eval.formats.text.lines import (
     BLANKS,
     ROWS_OF_BLOCK,
@@ -141,12 +141,15 @@ def header_of(
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
-        except (InputError, csv.Error) as given:
-            error = _as_formats_have_it(given, delimiter, len(fields))
+        except (InputError, csv.Error) as caught:
+            error: Exception = caught
             # If the line may be a header, the error names its columns; else it describes the line.
-            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # an error of csv
             if are_numbers(fields) and not foreign(line):
-                why = without_header(fields, options.option, "").removeprefix(": ")
+                rows = split_rows(lines_of(text, match.start()), delimiter)
+                order = _likely_order(itertools.islice(rows, ROWS_OF_BLOCK), options.decimal)
+                error = InputError(without_header(fields, options.option, where, order))
+            error = _as_formats_have_it(error, delimiter, len(fields))
+            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # an error of csv
             is_named = isinstance(error, InputError) and not foreign(line)
             mistake = InputError(f"{where}: {why}")
             if isinstance(error, InputError):
@@ -191,6 +194,16 @@ def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Excepti
         return error
     way = "or separate the fields by blanks and name the"
     return type(error)(str(error).replace("or name the", way))
+
+
+def _likely_order(rows: Iterable[list[str]], decimal: str) -> str:
+    """Return the likely order of the columns id, t, x, y, by distances of consecutive rows."""
+    with suppress(ValueError, csv.Error):  # other rows have no likely order
+        kept = [[float(field.replace(decimal, ".")) for field in row[:4]] for row in rows if row]
+        first, second, *places = np.array(kept).T
+        of_ids, of_steps = spacings(first, second, np.array(places).T)
+        return "t,id,x,y" if of_ids > of_steps else "id,t,x,y"
+    return "id,t,x,y"
 
 
 def _lines_of_units(
