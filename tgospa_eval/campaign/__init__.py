@@ -1,3 +1,3 @@
-"""Comparisons of several evaluations (solvers, estimates, sizes), without options and pages."""
+"""Work with many evaluations: batches and stores, rankings, comparisons of solvers, gates."""
 
 SCHEMA = "tgospa-eval/compare/1"

@@ -1,6 +1,7 @@
-"""Pairs to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
+"""Pairs to evaluate: from patterns, a manifest, the layout of a benchmark, or data in memory.
 
-This module uses paths and labels. Of a recording it reads at most the names of the runs in a file.
+A pattern is a path with fields in braces, such as ``{tracker}/{sequence}.txt``. This module works
+with paths and labels. Of a data file it reads at most the names of the runs in it.
 """
 
 import glob
@@ -36,42 +37,42 @@ DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in
 """Files that declare the length of a sequence, by benchmark."""
 
 PATHS = ("truth", "estimate")
-"""Columns of a manifest that are not labels."""
+"""Columns of a manifest with the paths of a pair."""
 
 LARGEST_MANIFEST = 1 << 32
 """Upper limit of the size of a manifest, in bytes."""
 
 NEARBY_LEVELS = 2
-"""Levels above and below a wrong folder at which the right folder is searched."""
+"""Number of levels above and below a wrong folder in which the right folder is searched."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One evaluation.
+    """One evaluation: a pair of truth and estimate, its labels and its options.
 
     Parameters
     ----------
     labels : mapping of str to str
-        Values of the fields or columns of the manifest that distinguish this job from others.
+        Values that tell this job from others, by name of the field or of the manifest column.
     truth, estimate : str
-        Paths of both sides.
+        Paths of truth and estimate.
     options : mapping
         Options of this job, by their names on the command line.
     frames : pair of int, optional
-        First and last frame of the sequence, where a benchmark declares them.
+        First and last frame of the sequence, if its benchmark declares them.
     name : str
         Name of the job in the baseline of a gate.
     rules : dict of str to tuple of str
         Rules ``fail-on``, ``warn-on`` and ``max`` that the suite of a gate sets.
     fault : str
-        Reason why the pattern matches no files, or why the gate does not judge the job.
+        Reason why the gate does not judge the job, for example that no file matches its pattern.
     fault_is : str
-        Verdict of the gate on a pair with a fault.
+        Verdict of the gate on this job, if it has a fault.
     is_new : bool
-        Whether the target of the gate does not have this job.
+        Whether the job is new: the target of the gate lacks it.
     in_memory : mapping of str to object
-        Sides in memory by role, for which `truth` and `estimate` are only names. The key
-        ``mapping`` has the components to compare.
+        Data in memory, with the keys ``truth`` and ``estimate``. The parameter of the same name is
+        then no path but only a name. The key ``mapping`` has the components of arrays to compare.
     digest : str
         Digest of the data in memory.
     """
@@ -91,18 +92,18 @@ class Job:
 
     @property
     def sides(self) -> tuple[Any, Any]:
-        """Truth and estimate, as they are read."""
+        """Truth and estimate: the data in memory, or else the path."""
         known = self.in_memory.get
         return known("truth", self.truth), known("estimate", self.estimate)
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Paths of the sides that are files."""
+        """Paths of truth and estimate, without those in memory."""
         return tuple(filter(is_path, self.sides))
 
     @property
     def title(self) -> str:
-        """Labels of the job in one line."""
+        """Values of the labels in one line; without labels, the path of the estimate."""
         return "/".join(self.labels.values()) or self.estimate
 
 
@@ -126,7 +127,7 @@ class BatchPlan:
 
 
 Values = dict[str, str]
-"""Texts of the fields of a pattern."""
+"""Values of the fields of a pattern, by the name of the field."""
 
 
 def match(
@@ -136,9 +137,10 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Return field values of truths, estimates with their values, and notices of skipped files.
+    """Match both patterns; return values of truths, estimates with their values, and notices.
 
-    The arguments are those of `of_patterns`. A truth pattern without fields has one empty value.
+    Values are those of the fields of a pattern. A truth without fields has one empty set of values.
+    Notices are about skipped files. The arguments are those of `of_patterns`.
     """
     truths, passed_over = patterns.match_files(truth, folders[0], output=output, inside=inside)
     estimates, more = patterns.match_files(
@@ -149,7 +151,10 @@ def match(
 
 
 def groups_of(files: Iterable[Mapping[str, str]], fields: Sequence[str]) -> list[Values]:
-    """Return the distinct values of these fields, which only estimates have (such as a tracker)."""
+    """Return the different combinations of values of these fields, such as of ``tracker``.
+
+    `files` has the field values of each file. The fields are those that the truth does not have.
+    """
     groups = dict.fromkeys(tuple(values[name] for name in fields) for values in files)
     return [dict(zip(fields, group, strict=True)) for group in groups]
 
@@ -162,7 +167,7 @@ def of_patterns(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> BatchPlan:
-    """Make a job for each file that matches the pattern of the estimates, with its truth.
+    """Make a job for each estimate that matches its pattern, with the truth of the same fields.
 
     Parameters
     ----------
@@ -171,7 +176,7 @@ def of_patterns(
     folders : pair of str
         Folders of the patterns. Braces in these names are not fields.
     sequences : collection of str
-        Values of the field ``sequence`` to which the files are restricted, if not empty.
+        If not empty, only files with these values of the field ``sequence`` are used.
     output : str, optional
         Folder of the store, which is not searched.
     inside : callable
@@ -218,7 +223,7 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Return whether a file has data, and has the element of a cell that the path may name."""
+    """Return whether the file of a path has data; for ``FILE.mat:Y{3}``, also this element."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -235,7 +240,7 @@ def of_layout(
     sequences: Collection[str] = (),
     output: str | None = None,
 ) -> BatchPlan:
-    """Make the jobs of the folders of a benchmark, of all sequences if `sequences` is empty.
+    """Make the jobs of a benchmark from its folders; if `sequences` is empty, of all sequences.
 
     Raises
     ------
@@ -313,7 +318,7 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
         frames = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
         frames = dict.fromkeys(names)
-        # The seqmap of the training sequences, or the only one.
+        # The truth folder's seqmap is that of the training sequences, or else the only one.
         there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
         there = [path for path in there if path.endswith(".training")] or there
         for path in (seqmap, there[0] if len(there) == 1 else None):
@@ -355,7 +360,7 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
     """Return the frames of these sequences from lines such as ``0000 empty 000000 000154``.
 
-    The last number is the frame after the last: sequence 0000 of KITTI has the frames 0 to 153.
+    The last number is the one after the last frame: this sequence has the frames 0 to 153.
     """
     frames: dict[str, tuple[int, int]] = {}
     for number, words in enumerate(_words(path), 1):
@@ -380,7 +385,7 @@ def _words(path: str) -> list[list[str]]:
 
 
 def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
-    """Make jobs from a table with the columns truth and estimate, labels and options.
+    """Make a job from each row of a manifest, a table with paths, labels and options.
 
     Parameters
     ----------
@@ -435,14 +440,14 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Return the names of the runs, the truth of each run, and the estimates of each name.
+    """Return the names of the runs, the truth of each run, and for each estimate its data by run.
 
-    The name of a single run is blank.
+    If neither the truth nor an estimate consists of runs, there is one run with a blank name.
 
     Raises
     ------
     InputError
-        The sides have different runs.
+        Truth and estimates have different runs.
     """
     sides = [("truth", truth), *estimates.items()]
     each = [(name, side, runs_of(side, name)) for name, side in sides]
@@ -470,7 +475,7 @@ def runs_in_memory(
 
 
 def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return the estimates with their names as text.
+    """Return the same estimates, with their names converted to text.
 
     Raises
     ------
@@ -491,7 +496,7 @@ def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
     Raises
     ------
     InputError
-        The sides have different runs, or a side has no run.
+        Truth and estimates have different runs, or one of them has no run.
     """
     from joblib import hash as digest_of  # lazy: slow to import
 
@@ -522,14 +527,14 @@ def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
 # Runs of a comparison: each value of ``*``, or of the fields of the truth, is a run.
 
 Runs = list[tuple[str, list[str]]]
-"""Truth and estimates of each run."""
+"""Path of the truth and paths of the estimates, for each run."""
 
 AS_FIELD = "{run}"
 """Field that replaces a *."""
 
 
 def is_pattern(path: str) -> bool:
-    """Return whether a name means several files; the name of an existing file does not."""
+    """Return whether a path has a ``*`` or a field, and is not the name of an existing file."""
     return ("*" in path or bool(patterns.fields(path))) and not os.path.exists(path)
 
 
@@ -542,10 +547,11 @@ def first_file(pattern: str) -> str | None:
 def compared_runs(
     truth: str, estimates: Sequence[str], output: str | None = None
 ) -> tuple[Runs, tuple[str, ...], tuple[str, ...]]:
-    """Return the files of each run, the estimates of the runs, and notices of skipped files.
+    """Return the files of each run, the path or pattern of each estimate, and notices.
 
-    A truth without a pattern is the truth of all runs. A field that the truth does not have
-    means several estimates. Names of existing files are not patterns.
+    A truth that is not a pattern is the truth of all runs. A field that only a pattern of estimates
+    has, such as ``{tracker}``, stands for several estimates. Names of existing files are not
+    patterns. Notices are about skipped files.
 
     Parameters
     ----------
@@ -587,12 +593,12 @@ def compared_runs(
 
 
 def expand(truth: str, estimates: Sequence[str]) -> Runs:
-    """Expand patterns to the files of each run: a field has the same value in all patterns.
+    """Return the files of each run; within a run, a field has the same value in all patterns.
 
     Raises
     ------
     ConfigError, InputError
-        The errors are those of `compared_runs`.
+        A pattern is wrong, as described by `compared_runs`.
     """
     paths = (truth, *estimates)
     marked = [path for path in paths if is_pattern(path)]
@@ -630,7 +636,7 @@ def _file(path: str, values: Mapping[str, str]) -> str:
 
 
 def _shape(pattern: str) -> str:
-    """Return the pattern with a field instead of its ``*``, unless it has fields."""
+    """Return the pattern with a field instead of its ``*``; unchanged if it has fields."""
     return pattern if patterns.fields(pattern) else pattern.replace("*", AS_FIELD)
 
 
@@ -640,7 +646,7 @@ def _fields(path: str) -> list[str]:
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """Return a notice of hidden files that a pattern skips, the same for all runs."""
+    """Return the notice about hidden files that a pattern skips, if any, by its kind."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
@@ -654,7 +660,9 @@ def _values(
     files: Iterable[tuple[str, Mapping[str, str]]] | None = None,
     notices: Iterable[str] = (),
 ) -> Iterator[Mapping[str, str]]:
-    """Yield the values of the fields for each of these files, or each that matches the pattern.
+    """Yield the field values of each file in `files`, or else of each that matches the pattern.
+
+    `notices` are added to the error.
 
     Raises
     ------
@@ -677,7 +685,7 @@ def short_names(paths: Sequence[str]) -> list[str]:
     Raises
     ------
     ConfigError
-        A file is a duplicate.
+        A file is given twice.
     """
     by_real_path: dict[str, str] = {}
     for path in paths:

@@ -1,9 +1,9 @@
 """Proven order of several estimates of one truth, and the parts of their differences.
 
-With several runs (Monte Carlo) costs are added over the runs, and roots are taken last. ``tgospa``
-is (mean total)^(1/p); for p = 2 it is the root mean square over runs. Its normalised form is
-(sum of totals / sum of steps)^(1/p). Sums of brackets are brackets of the sums. All estimates have
-the same runs, so both forms have the order of the sums in a comparison, a batch and a gate.
+With several runs (Monte Carlo), costs are added over the runs, and roots are taken last. ``tgospa``
+is (mean total)^(1/p): for p = 2, the root mean square over runs. The normalised value is
+(sum of totals / sum of steps)^(1/p). The bounds of a sum are the sums of the bounds. All estimates
+have the same runs. Both values therefore order them as the sums do, here and in a batch or a gate.
 """
 
 import itertools
@@ -66,19 +66,19 @@ if TYPE_CHECKING:
 
 
 def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
-    """Evaluate each step separately, on the problem of a result.
+    """Evaluate each step of a result separately, by GOSPA and as other tools do.
 
     Returns
     -------
     tuple
-        Sums over all steps, with costs in state units to the power p. Then GOSPA of each step, and
-        the values that other tools print for a step, by the name of their rule; both in state
-        units.
+        First a record of sums over all steps, with costs in state units to the power p. Then values
+        of each step in state units: ``gospa``, and what other tools print for a step, by the name
+        of their rule (``stone_soup``, ``mathworks``).
     """
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
-    switch = 2 * scale * parameters.switch_price  # gamma^p, unless it overflows
+    switch = 2 * scale * parameters.switch_price  # gamma^p, with a limit far above c^p
     entries, localisation, missed, false = per_step_gospa(problem)
     gospa = scale * (localisation + missed + false)
     track = partners(problem, entries)
@@ -117,14 +117,14 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
 
 
 def differences(document: Json, step: Json, steps: Sequence[int], order: float) -> Iterator[str]:
-    """Yield the reasons why per-step GOSPA of one estimate differs from TGOSPA, as sentences.
+    """Yield sentences on why per-step GOSPA of an estimate differs from its TGOSPA.
 
     Parameters
     ----------
     document : dict
-        Numbers of TGOSPA.
+        Record of the estimate with the numbers of TGOSPA.
     step : dict
-        Numbers of per-step GOSPA.
+        Record of per-step GOSPA, as from `against`, averaged over the runs.
     steps : sequence of int
         Number of steps of each run.
     order : float
@@ -190,23 +190,23 @@ class RunOutcome:
     path : str
         File of the estimate.
     run : dict
-        Record for the document: proven bounds of the total, its parts, and the end of the solver.
+        Record for the JSON: bounds of the total, its parts, and how the solver ended.
     counts : dict
         Numbers of missed targets, false targets and switches.
     steps : dict of (T,) float arrays
-        Costs of each of the T steps by part, and values of the rules of other tools by rule.
+        For each of the T steps: costs by part, and if requested the values of `against` by name.
     timestamps, times : (T,) array and list
         Times of the steps as numbers, and as they were read.
     evaluated_on : mapping
         Evaluated data, in the form of `Coverage.record`.
     against : dict, optional
-        Record of per-step GOSPA.
+        Record of per-step GOSPA, the first result of the function `against`.
     split : mapping of str to float
-        Parts of the cost of localisation, where the distance has parts.
+        Parts of the localisation cost, if the distance has parts.
     nees : NeesSums, optional
         Sums of NEES, which compare errors with covariances.
     summary : mapping of str to float
-        Numbers of the summary by names with dots.
+        Numbers of the summary. The names of nested numbers have dots.
     """
 
     path: str
@@ -227,7 +227,10 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 
 
 def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: bool) -> RunOutcome:
-    """Return the numbers of a result, so that the memory of its problem can be freed."""
+    """Return the numbers of a result; afterwards the result and its large problem can be freed.
+
+    With `per_step`, the numbers of the function `against` are included.
+    """
     split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})
     parts: Json = {name: getattr(result, name) for name in PARTS}
@@ -247,7 +250,7 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
 
 
 def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
-    """Return the record of a run for the document."""
+    """Return the record of a run for the JSON document."""
     return {
         "total": bounds[1],
         "total_lower": bounds[0],
@@ -259,7 +262,7 @@ def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) 
 
 
 def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunOutcome]:
-    """Return the outcomes of saved results of one run, which share a truth.
+    """Return the outcomes of saved results that are of the same run, with the same truth.
 
     Raises
     ------
@@ -276,7 +279,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
-        # The bounds of the total follow from the bounds of the value, rounded outward again.
+        # A document has bounds of the root. Their powers, rounded outward, bound the total.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
             outward(document["upper_bound"] ** order, 1),
@@ -303,12 +306,16 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 
 
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
-"""Costs of N evaluations of one run: the T times of all their steps; costs (N, T) by part, by rule
-and in ``total``, 0 at missing steps; and a mask (N, T) of the steps that each evaluation has."""
+"""Steps of N evaluations of one run: times, costs and a mask.
+
+The T times are those of all evaluations. Costs (N, T) have the names of parts, of rules of other
+tools, and ``total``. They are 0 where an evaluation lacks the step. The mask (N, T) is true where
+an evaluation has the step.
+"""
 
 
 def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
-    """Yield the costs of the steps of each run."""
+    """Yield for each run the costs of its steps, for all estimates together."""
     for outcomes in zip(*entrants.values(), strict=True):
         timestamps = np.unique(np.concatenate([item.timestamps for item in outcomes]))
         there = np.zeros((len(outcomes), len(timestamps)), bool)
@@ -325,9 +332,10 @@ def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
 
 
 def steps_columns(entrants: Entrants, best: str) -> Columns:
-    """Return costs of each step, run and estimate, and the differences to the best estimate.
+    """Return a table with a row for each estimate, run and step: costs and differences.
 
-    A step without objects, which the evaluation of an estimate does not have, has cost 0.
+    Differences are those from the estimate `best`. An evaluation without states at a step does not
+    have the step: its cost there is 0.
     """
     runs, leader = list(side_by_side(entrants)), list(entrants).index(best)
     rules = [name for name in ("gospa", *RULES) if name in runs[0][1]]
@@ -351,10 +359,10 @@ def steps_columns(entrants: Entrants, best: str) -> Columns:
 
 
 def steps_costs(entrants: Entrants) -> tuple[list[Time], dict[str, list[float]]]:
-    """Return times, and the cost of each step by estimate, averaged over runs.
+    """Return the times, and for each estimate the cost of each step, averaged over runs.
 
-    Both are empty if the runs differ in length. If the runs have different times, the times are
-    the numbers of the steps.
+    Both are empty if the runs differ in their number of steps. If only their times differ, the
+    steps are numbered from 1, and these numbers replace the times.
     """
     each, costs, _ = zip(*side_by_side(entrants), strict=True)
     times = each[0]
@@ -379,7 +387,7 @@ def ranking_document(
     warnings: list[dict[str, str]],
     other_metrics: Mapping[str, OtherMetrics],
 ) -> Json:
-    """Return the JSON document, with the estimates in the order of their values.
+    """Return the JSON document of a comparison, with the best estimate first.
 
     Parameters
     ----------
@@ -489,7 +497,7 @@ def ranking_document(
 
 
 def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
-    """Yield notices about a ranking by a distance that uses covariances, of ordered `estimates`."""
+    """Yield notices on a ranking whose distance uses covariances; `estimates` are in its order."""
     for item in estimates:
         if item.get(NEES):
             for notice in NeesSums(**item[NEES]["sums"]).warnings(item.get(SPREAD)):
@@ -565,14 +573,14 @@ def _means(records: Sequence[Json]) -> Json | None:
 
 BESIDE = {"similarity": ("zero", "threshold")}
 FIELDS_SHOWN = {**COMPARED, **BESIDE}
-"""Names of the numbers that a ranking shows of each other metric."""
+"""Names of the numbers that a ranking shows, for each of the other metrics."""
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Return the other metrics that all results of one run have, and notices about left out ones.
+    """Return for each result of one run the other metrics that all results have, and notices.
 
-    Metrics of several runs are left out: they are ratios of counts over all runs, which cannot be
-    computed from the ratios of each run.
+    The notices name metrics that are left out. With several runs, all metrics are left out. They
+    would be ratios of counts over all runs, but results have only the ratios of each run.
     """
     each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
     first = each[0] if len(runs) == 1 else {}
@@ -591,18 +599,18 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 
 
 # -------------------------------------------------------------------------------------------------
-# Orders of the values of a label of a batch: a proven order and a statistical order.
+# Rankings of the values of a label of a batch, such as trackers: a proven and a statistical order.
 #
-# Jobs are compared if they differ only in this label, and if each value of the label has such a
-# job. The proven order compares brackets of the combined value on these files. The statistical
-# order is an inference about other truths like these (`statistics`).
+# Jobs are compared if they differ only in this label. There must be such a job for each value of
+# the label. The proven order compares brackets of the combined value on these files. The
+# statistical order is an inference about other truths like these (`statistics`).
 
 
 MAX_COMPARED = 100
-"""Largest number of values of a label that are compared, as all pairs are compared."""
+"""Largest number of values of a label that are ranked; each value is compared with each other."""
 
 NOTHING = Interval(lower=0.0, upper=0.0)
-"""Difference of equal data."""
+"""Difference of two estimates with the same data."""
 
 Parameters = Mapping[str, float | str]
 
@@ -610,7 +618,7 @@ Parameters = Mapping[str, float | str]
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
-    """Yield a ranking or the reason for its absence for each set of parameters, and warnings.
+    """Yield for each set of parameters a ranking, or the reason why there is none; and warnings.
 
     Parameters
     ----------
@@ -619,9 +627,9 @@ def rankings(
     label : str
         Label whose values are compared.
     parameters : sequence of str
-        Columns of parameters that differ.
+        Columns of the parameters in which jobs differ.
     names : iterable of str
-        All values of the label, also of rows without a value.
+        All values of the label, also those for which all jobs failed.
     """
     if not parameters:
         yield from _ranking(having, label, {}, names)
@@ -641,7 +649,7 @@ def _ranking(
         )
         return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
-    # Two jobs have the same labels and truth if the manifest has changed: the newer one counts.
+    # After a change of the manifest, two jobs can have the same labels and truth: the newer counts.
     part = part.sort_values("finished", kind="stable")
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
@@ -686,13 +694,13 @@ def _ranking(
 
 
 Totals = tuple[Floats, Floats, Floats]
-"""Lower and upper bounds of totals (names, truths), and the number of steps of each truth."""
+"""Lower bounds (names, truths), upper bounds (names, truths) and steps (truths,) of totals."""
 
 
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Return names, best first, and their totals by truth, or by job if there is one truth."""
+    """Return names, best first, and their totals for each truth; if there is one, for each job."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -703,9 +711,9 @@ def _side_by_side(
 
 
 def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
-    """Return totals (names, jobs) and steps (jobs,) added up over the jobs of each truth.
+    """Add totals (names, jobs) and steps (jobs,) over the jobs of each truth, if there are several.
 
-    Their order does not depend on the names of sequences or runs.
+    Truths are sorted by these numbers, so that the names of sequences or runs do not matter.
     """
     _, number = np.unique(truth, return_inverse=True)
     lower, upper = totals
@@ -783,7 +791,10 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Return verdicts of all pairs of numbers, and places; pairs in `same` have the same data."""
+    """Return the verdict on each pair of values, by their indices, and the place of each value.
+
+    Pairs of indices in `same` have the same data.
+    """
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
         for pair in itertools.permutations(range(len(values)), 2)
@@ -792,7 +803,7 @@ def _proven(
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
-    """Return brackets of the roots of the sums, after division of the sums by `per`."""
+    """Sum the totals of each name, divide by `per`, and return brackets of the roots."""
     lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
@@ -800,14 +811,17 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
 def _data(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[list[str]], Floats, Floats]:
-    """Return digests of estimates by name, in one order of jobs, and both bounds of totals."""
+    """Return digests of estimates, lower and upper bounds of totals: for each name, by job.
+
+    The order of the jobs is the same for all names.
+    """
     table = common.set_index(["_pair", column]).sort_index()
     sides = [
         table[end].unstack(column)[list(names)].to_numpy(float).T for end in statistics.TOTAL_ENDS
     ]
     if ESTIMATE_DIGEST not in table:
         return [[""] * sides[0].shape[1]] * len(names), sides[0], sides[1]
-    # Jobs may have options of their own that change the value.
+    # Options of single jobs can change the value, so parameters are compared together with data.
     options = {
         text: json.dumps(of_metric(json.loads(text)), sort_keys=True)
         for text in table["parameters"].unique()
@@ -819,7 +833,7 @@ def _data(
 def _same(
     names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
 ) -> set[tuple[int, int]]:
-    """Return the pairs of numbers of names with the same data, in both orders."""
+    """Return the pairs of names with the same data, by their indices, each pair in both orders."""
     brackets = [
         [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
         for ends in zip(lower.tolist(), upper.tolist(), strict=True)
@@ -838,7 +852,10 @@ UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
 
 
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
-    """Return the difference of two values, with an empty interval; `before` prefixes all names."""
+    """Return the bracket of second minus first, and None for the ends of its confidence interval.
+
+    All names begin with `before`.
+    """
     difference = NOTHING if same else second_less_first(first, second)
     bracket = [difference.lower, difference.upper]
     return {f"{before}difference": bracket, f"{before}lower": None, f"{before}upper": None}
@@ -853,7 +870,9 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Return intervals of values, None with too few truths, and set the intervals of differences.
+    """Set the confidence intervals of all differences, and return those of the values.
+
+    With too few truths nothing is set, and the intervals of values are None.
 
     Parameters
     ----------
@@ -885,10 +904,10 @@ def _with_intervals(
 
 
 def _tested(comparisons: Sequence[Json], same: Mask, totals: Totals) -> list[Any]:
-    """Return statistical places, None with too few truths, and set the tests of all pairs.
+    """Set the test results of all pairs, and return the statistical place of each name.
 
-    A name is ahead only of names from which it differs significantly. The arguments are those of
-    `_with_intervals`.
+    A name is ahead only of names from which it differs significantly. With too few truths nothing
+    is set, and places are None. The arguments are those of `_with_intervals`.
     """
     lower, upper, _ = totals
     size = len(lower)

@@ -1,4 +1,4 @@
-"""Rows of evaluations: the numbers of a result that stores keep, tables add up and gates judge."""
+"""Rows: numbers of one result by column, which stores keep, tables add up and gates judge."""
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Row = dict[str, Any]
-"""Plain values by column; labels begin with ``label.``."""
+"""Values by the name of the column. Names of columns with labels begin with ``label.``."""
 
 LABEL = "label."
 """Prefix of the names of columns with labels."""
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
-"""Columns with the number of rows of each side outside the declared steps."""
+"""Columns that count rows of truth and estimate outside the declared steps."""
 
 PARAMETER_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
-"""Columns with parameters of the metric in every row."""
+"""Parameters of the metric that have a column of their own in every row."""
 
 STORED_SLICES = "slices"
 """Column with costs by slice, as JSON text."""
 
 
 def row_of(result: Evaluation) -> Row:
-    """Return the numbers of a result for tables."""
+    """Return the row of a result, without status, messages and version."""
     parameters = result.proof.parameters
     truth, estimates = result.objects
     return {
@@ -77,7 +77,10 @@ def row_of(result: Evaluation) -> Row:
 
 
 def row_to_judge(result: Evaluation) -> Row:
-    """Return the row of a result for a gate or a store, with the rows of classes."""
+    """Return the complete row of a result for a gate or a store.
+
+    If classes are evaluated separately, the field ``classes`` has their rows.
+    """
     parts = result.results if isinstance(result, EvaluationByClass) else {}
     return {
         **row_of(result),
@@ -90,7 +93,10 @@ def row_to_judge(result: Evaluation) -> Row:
 
 
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
-    """Sum the parts of localisation, and NEES, over the rows; each only if no row lacks it."""
+    """Add up the parts of the localisation cost, and the sums of NEES, over the rows.
+
+    A part that a row lacks is left out. NEES is None if a row lacks it.
+    """
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
     nees = NeesSums.joined(filter(None, each)) if all(each) else None
@@ -98,14 +104,14 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
 
 
 def stored_slices(result: Evaluation) -> dict[str, str]:
-    """Return the columns of slices in the row of a job."""
+    """Return the column with costs by slice for the row of a job; empty without slices."""
     if not result.slicings:
         return {}
     return {STORED_SLICES: json.dumps([one.record() for one in result.slicings])}
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the labels of a job, and the options of this job as one more label."""
+    """Return the labels of a job. Options that only this job has are the label ``options``."""
     labels = {
         str(name).removeprefix(LABEL): str(value)
         for name, value in row.items()
@@ -116,9 +122,10 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def job_name(row: Mapping[Any, Any]) -> str:
-    """Return the name of a job: its labels, or else its estimate, and its own options.
+    """Return the name of a job: the values of its labels, and its own options.
 
-    A suite whose fields are these labels uses the same name.
+    Without labels, the path of the estimate is used. In the suite of a gate, a pair with the same
+    labels has the same name.
     """
     labels = labels_of(row)
     own = labels.pop("options", "")
@@ -126,7 +133,7 @@ def job_name(row: Mapping[Any, Any]) -> str:
 
 
 def job_in_words(row: Mapping[Any, Any]) -> str:
-    """Return the name of a job in a message: its labels with their names, or else its estimate."""
+    """Return the name of a job for messages: ``tracker=a run=1``; without labels, its estimate."""
     labels = labels_of(row)
     own = labels.pop("options", "")
     named = " ".join(f"{label}={value}" for label, value in labels.items())
@@ -187,7 +194,7 @@ OF_SEVERAL: dict[str, FieldKind] = {
         "a finite number, a text, or null", lambda value: TEXT.fits(value) or SEVERAL.fits(value)
     ),
 }
-"""Columns by the prefix of their names."""
+"""Columns whose names begin with one of these prefixes."""
 
 AS_JSON = {
     "options": {...: TEXT},
@@ -196,7 +203,7 @@ AS_JSON = {
     STORED_NEES: saved.NEES_SUMS,
     STORED_SLICES: [saved.SLICING],
 }
-"""Columns of JSON texts, and the form of the JSON."""
+"""Columns whose values are JSON texts, and the expected form of the JSON."""
 
 
 def column_fault(
@@ -207,11 +214,11 @@ def column_fault(
     Parameters
     ----------
     table : Table
-        Rows of a part.
+        Rows of one file of the store, or some of them.
     columns : mapping of str to FieldKind
-        Expected values by column.
+        Expected kind of value, by column.
     numbers : (N,) int array, optional
-        Numbers of the rows in their file.
+        Index of each row in the file, if `table` has only some rows.
     """
     for name, kind in columns.items():
         if table.column_names.count(name) != 1:
@@ -226,7 +233,7 @@ def column_fault(
 
 
 def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
-    """Return the row of the first value that does not fit; None if all fit."""
+    """Return the index of the first value that does not fit; None if all fit."""
     import pyarrow.types as types
 
     def is_number(kind: "pa.DataType") -> bool:
@@ -236,7 +243,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # a kind of number accepts an interval
+        values = column.to_numpy()  # if both extremes fit, all do
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -244,7 +251,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
 
 
 def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
-    """Return the expected kinds of the known columns of a table."""
+    """Return the expected kind of value for each known column of a table."""
     begins = tuple(OF_SEVERAL)
     exact: dict[str, FieldKind] = OF_ALL | dict.fromkeys(OF_VALUES, ANYTHING) | OF_SOME
     return {
@@ -255,7 +262,7 @@ def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
 
 
 def part_fault(table: "pa.Table") -> str | None:
-    """Describe the first incomplete or contradictory row; None if all rows are right."""
+    """Describe the first fault in the rows of a file of the store; None if all rows are right."""
     wrong = column_fault(table, OF_ALL | known_columns(table))
     if wrong:
         return wrong
@@ -280,7 +287,10 @@ def part_fault(table: "pa.Table") -> str | None:
 def _contradictions(
     table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
 ) -> Iterator[tuple[int, str]]:
-    """Yield the number and the fault of contradictory rows; `of_text` has parsed JSON texts."""
+    """Yield the index and the fault of each contradictory row.
+
+    `of_text` has the parsed JSON for each text, by column.
+    """
     parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
     names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
     names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
@@ -308,7 +318,7 @@ def _contradictions(
 # Which rows can be compared: those that differ only in the compared labels.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
-"""Columns with digests of the sides (`tracks.coverage.digest`)."""
+"""Columns with the digests of truth and estimate (`tracks.coverage.digest`)."""
 
 
 READ_AS_GIVEN = (
@@ -319,7 +329,10 @@ READ_AS_GIVEN = (
     "ignore_regions",
     *saved.OF_THE_ESTIMATE,
 )
-"""Parameters of reading, or derived from the data of a file, which may differ between jobs."""
+"""Parameters in which jobs of one table are allowed to differ.
+
+They say how files are read, or follow from the data of a file.
+"""
 
 
 def label_names(rows: "pd.DataFrame") -> list[str]:
@@ -328,15 +341,18 @@ def label_names(rows: "pd.DataFrame") -> list[str]:
 
 
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Return column names of labels; a label with the name of another column keeps ``label.``."""
+    """Return the column names under which a table shows labels.
+
+    They lack the prefix ``label.``, unless the name is in `taken` or itself begins so.
+    """
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
-    """Return the rows, and names of columns with parameters in which jobs differ.
+    """Return the rows with a column for each parameter in which jobs differ, and these columns.
 
-    Jobs with different parameters are never added up or compared. A missing parameter is shown as a
-    dash, like all parameters of a job without a value.
+    Jobs with different parameters are never added up or compared. An added column has a dash where
+    a job lacks the parameter or has no value.
     """
     having = rows[rows["status"] != "failed"]
     differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
@@ -373,7 +389,7 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     if TRUTH_DIGEST not in rows:
         return paths
     digests = rows[TRUTH_DIGEST]
-    # A failed job has no digest, but another job with the same file may have one.
+    # A failed job has no digest; that of another job with the same file is used, if there is one.
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
@@ -384,16 +400,16 @@ def same_data(
     digests: tuple[Sequence[str], Sequence[str]],
     brackets: tuple[Sequence[Interval], Sequence[Interval]],
 ) -> bool:
-    """Return whether two results of the same runs have the same estimates.
+    """Return whether two results have the same estimates in all runs.
 
     Parameters
     ----------
     names : pair of str
         Names of the results, for the message.
     digests : pair of sequence of str
-        Digest of the estimate of each run, blank if it is not known.
+        For each result, the digest of the estimate of each run; blank if it is not known.
     brackets : pair of sequence of Interval
-        Bracket of the value of each run, in one unit.
+        For each result, the bracket of each run; both have the same unit.
 
     Raises
     ------
@@ -419,16 +435,19 @@ def pair_numbers(
     *,
     truth: bool = True,
 ) -> "pd.Series[int]":
-    """Return a number for each job: the same if truth, parameters and other labels agree.
+    """Return a number for each job; jobs that can be compared have the same number.
+
+    Such jobs agree in truth, in `parameters`, and in all labels that are not in `compared`. If this
+    does not tell all jobs apart, they also agree in their own options.
 
     Parameters
     ----------
     rows : DataFrame
         Rows of a store.
     compared : sequence of str
-        Labels in which jobs with the same number may differ.
+        Labels in which jobs with the same number are allowed to differ.
     parameters : sequence of str
-        Columns in which jobs with the same number may not differ.
+        Columns that are equal in all jobs with the same number.
     truth : bool
         Whether jobs with the same number must have the same truth.
     """
@@ -436,7 +455,7 @@ def pair_numbers(
     same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
     numbers = same.groupby(list(same), dropna=False).ngroup()
     own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
-    if own.duplicated().any():  # only their own options distinguish these jobs
+    if own.duplicated().any():  # some jobs differ only in their own options
         same = same.assign(_options=rows["options"])
         numbers = same.groupby(list(same), dropna=False).ngroup()
     return numbers

@@ -1,4 +1,4 @@
-"""Comparison of several solvers on one problem: agreement, errors, time and memory."""
+"""Comparison of solvers, on one problem or on scenes of many sizes: errors, time and memory."""
 
 import itertools
 import math
@@ -47,21 +47,22 @@ RUN = (
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory", "entropic"),
 )
-"""Fields of a run; in a failed run all fields after the first five are None or empty."""
+"""Fields of the record of a run; if it failed, all after the first five are None or empty."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
-"""Files of Linux: one has the memory of this process, and the other resets the peak."""
+"""Files of Linux: the first shows the memory of this process, the second resets its peak."""
 
 EXACT_STATES = 15_000
-"""Number of states of one component for which the referee takes about a minute.
+"""Number of states of one component for which the solver `exact` takes about a minute.
 
 Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
-18,951 states 39 s. The time grows with about the square, and squares of components add up.
+18,951 states 39 s. The time grows about with the square of the number of states. With several
+components, these squares add up.
 """
 
 
 def display_name(solver: str, epsilon: float | None) -> str:
-    """Return the name of a solver, with all digits of its temperature that matter."""
+    """Return the name of a solver and its temperature, if any, with as many digits as needed."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -81,13 +82,13 @@ def _run(solver: Solver, status: str, **values: object) -> Json:
 
 
 def failed(solver: Solver, error: BaseException) -> Json:
-    """Return the record of a run whose solver raised."""
+    """Return the record of a run that ended with this error."""
     reason = str(error) if isinstance(error, TgospaError) else fault_of(error)
     return _run(solver, f"failed: {reason}")
 
 
 Run = tuple[Json, PairEvaluation | None]
-"""Record of a run, and its result; None if the run failed."""
+"""Record of a run, and its result. The result is None if the run failed."""
 
 
 def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None = None) -> Run:
@@ -122,7 +123,7 @@ def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None =
 
 
 def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
-    """Return values of the regularised problem, in units of the total; None without temperature."""
+    """Return values of the problem with entropy, in units of the total; None without entropy."""
     if solver.epsilon is None:
         return None
     limit = Limit.of(getattr(solver, "time_limit", None), progress)
@@ -136,7 +137,10 @@ def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Jso
 
 
 def memory(field: str) -> int | None:
-    """Return bytes of this process on Linux: VmRSS now, VmHWM at the peak; None elsewhere."""
+    """Return the memory of this process in bytes: now (VmRSS) or at its peak (VmHWM).
+
+    It is known only on Linux; elsewhere, return None.
+    """
     try:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -146,24 +150,24 @@ def memory(field: str) -> int | None:
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
-    """Solve a small problem with each solver, as the first call of a solver takes longer."""
+    """Solve a small problem with each solver, because the first call of a solver takes longer."""
     rng = np.random.default_rng(0)
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     for solver in solvers:
         if solver.proves:
-            import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
+            import tgospa_eval.solvers.restricted_lp  # noqa: F401  loads HiGHS: the scene does not
         request = EvaluationRequest(
             parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
             distance=DISTANCES.ours("euclidean"),
             solver=solver,
         )
-        with suppress(Exception):  # the same error is recorded in the run of the solver
+        with suppress(Exception):  # the run of the solver will record the error
             pair = fit(truth, estimate, request)
             solve(prepare(pair, request, stopwatch=Stopwatch()), solver, Stopwatch(), request)
 
 
 def takes_long(prepared: PreparedPair) -> int | None:
-    """Return the number of states if the referee takes more than about a minute, else None."""
+    """Return the number of states if `exact` takes more than about a minute, else None."""
     states = prepared.states
     sizes = np.bincount(
         states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
@@ -211,13 +215,19 @@ def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
 
 
 def referee(runs: Sequence[Json]) -> Interval | None:
-    """Return the intersection of the brackets of all runs; None if it is empty or unknown."""
+    """Return the referee: the intersection of the brackets of all runs.
+
+    None if no run has a bracket, or if two brackets do not overlap.
+    """
     proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
 
 def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
-    """Return bounds of the relative errors of both ends of a bracket: above and below the total."""
+    """Return upper bounds of the relative errors of a run: of its upper and its lower bound.
+
+    `known` is the bracket that contains the exact total.
+    """
     bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
@@ -225,7 +235,10 @@ def errors(run: Json, known: Interval | None) -> tuple[float | None, float | Non
 
 
 def entropic_error(value: float | None, known: Interval | None) -> float | None:
-    """Return the largest possible relative error of an entropic value."""
+    """Return the largest possible relative error of a value of the problem with entropy.
+
+    `known` is the bracket that contains the exact total.
+    """
     if value is None or known is None or known.lower <= 0:
         return None
     return max(known.upper - value, value - known.lower) / known.lower
@@ -264,7 +277,7 @@ def compare_solvers(
         with progress.part(name_of(solver), number, len(solvers)):
             try:
                 runs.append(run_here(prepared, solver, progress))
-            except Exception as error:  # no error may lose the results of other solvers
+            except Exception as error:  # so that other results are not lost
                 runs.append((failed(solver, error), None))
     return runs
 
@@ -276,7 +289,7 @@ def solvers_document(
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
 ) -> Json:
-    """Return the JSON document: the runs, with errors relative to the bracket of all runs.
+    """Return the JSON document of the runs, with their errors relative to the referee.
 
     Parameters
     ----------
@@ -331,13 +344,13 @@ def solvers_document(
 # scenes do not change existing ones.
 
 Key = tuple[int, int, int]
-"""Targets, steps and number of a scene."""
+"""Number of targets, number of steps, and run number of a scene."""
 
 Scenes = dict[Key, list[Row]]
 """Rows of each scene, one per solver."""
 
 Keep = Callable[[Sequence[Row]], object]
-"""Callable that receives the rows of a scene."""
+"""Callable that receives the rows of a new scene, to store them."""
 
 STORE_FOLDER = "runs"
 """Folder of the store of rows, in the folder of a study."""
@@ -356,12 +369,12 @@ def machine() -> str:
 
 @contextmanager
 def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
-    """Yield the scenes that are stored in a folder, and a function that stores another scene.
+    """Yield the scenes that are stored in a folder, and a function that stores a new scene.
 
     Raises
     ------
     ConfigError, InputError
-        The store has another study, is used by another process, is damaged, or cannot be written.
+        The store belongs to another study, is in use, is damaged, or cannot be written.
     """
     store = Store(os.path.join(folder, STORE_FOLDER))
     nothing = dict.fromkeys(("truth", "estimate", "layout", "seqmap"))
@@ -401,12 +414,13 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Scenes and solvers of a study.
+    """Settings of a scaling study: its scenes and its solvers.
 
     Parameters
     ----------
     scene : Scene
-        Scenario and area. Targets and steps are replaced by those of each size.
+        Scenario and area of all scenes. Its numbers of targets and steps are replaced by those of
+        each size.
     tracker : Tracker
         Errors of the simulated tracker.
     seed : int
@@ -453,7 +467,7 @@ class Study:
 
     @property
     def settings(self) -> Json:
-        """Everything that determines a record, except the size and number of its scene."""
+        """Everything that determines a row, except the size and the run number of its scene."""
         scene = asdict(self.scene)
         return {
             "scene": {name: scene[name] for name in ("scenario", "area", "state")},
@@ -468,7 +482,7 @@ class Study:
         }
 
     def wanted(self) -> Iterator[Key]:
-        """Yield targets, steps and number of each scene: all sizes of run 1, then of run 2, ..."""
+        """Yield the key of each scene: all sizes of run 1, then all sizes of run 2, and so on."""
         for run in range(1, self.runs + 1):
             for targets, steps in self.sizes:
                 yield targets, steps, run
@@ -480,16 +494,16 @@ def carry_out(
     keep: Keep = lambda _: None,
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[list[Row]]:
-    """Return the rows of all scenes of a study, after measuring the missing scenes.
+    """Measure the scenes of a study that are not known, and return the rows of all its scenes.
 
     Parameters
     ----------
     study : Study
         Requested scenes and solvers.
     known : dict
-        Known rows by targets, steps and number. New rows are added.
+        Rows of the known scenes. Rows of new scenes are added.
     keep : callable
-        Callable that receives the rows of every new scene immediately.
+        Callable that receives the rows of each new scene as soon as it is measured.
     notify : callable
         Callable that receives a text about the next scene, and the share that is done.
     """
@@ -520,7 +534,7 @@ def measure(study: Study, scene: Key) -> list[Row]:
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
-    except Exception as error:  # no error may stop the other scenes
+    except Exception as error:  # so that other scenes are still measured
         runs: list[Run] = [(failed(solver, error), None) for solver in study.solvers]
     else:
         about["sizes.states"] = len(prepared.states.begin)

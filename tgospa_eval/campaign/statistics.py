@@ -1,7 +1,7 @@
-"""Inference from several jobs: intervals and tests of the cost on other truths like these.
+"""Statistics over several jobs: intervals and tests of the cost on other truths like these.
 
-The sample consists of truths, as jobs of one truth are not independent of each other. If there is
-only one truth, the sample consists of its jobs.
+The sample is the set of truths. Jobs of one truth are added up, because they are not independent of
+each other. If there is only one truth, the sample is the set of its jobs.
 """
 
 import itertools
@@ -19,25 +19,28 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERMUTATIONS = 9999
-"""Number of random exchanges, used where the number of all exchanges is larger."""
+"""Number of random exchanges in a permutation test for which all exchanges are too many."""
 
 PERMUTATION_SEED = 1
-"""Fixed seed, so that the same data have the same p values."""
+"""Seed of the random exchanges. It is fixed, so that the same data have the same p values."""
 
 CONFIDENCE = 0.95
-"""Level of the intervals; tests are significant below 1 minus this level."""
+"""Confidence level of intervals. A test is significant if its p value is below 1 - `CONFIDENCE`."""
 
 MIN_PAIRS = 6
-"""Smallest number n of pairs for two-sided p values below 0.05: the smallest p value is 2 / 2^n."""
+"""Smallest number of pairs for a test. With n pairs, no two-sided p value is below 2 / 2^n.
+
+Six is the first n for which this is below 0.05.
+"""
 
 TIE = 1e-12
-"""Tolerance relative to the sum of all sizes: sums that differ by less are equal."""
+"""Tolerance for equal sums of exchanged values, as a share of the sum of all absolute values."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Numbers in one portion of random exchanges, which bounds the memory."""
+"""Largest number of values that are computed at the same time, to limit the memory."""
 
 OF_INTERVALS = [f"{of}confidence_{end}" for of in ("", "per_step_") for end in ("lower", "upper")]
-"""Columns of the intervals of groups."""
+"""Columns with the confidence intervals of a group."""
 
 TOTAL_ENDS = ["total_lower", "total_upper"]
 """Columns of the bracket of a total."""
@@ -46,16 +49,20 @@ TOTAL_ENDS = ["total_lower", "total_upper"]
 def intervals(
     lower: Floats, upper: Floats, order: Floats | float, steps: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return intervals of combined values, by Student's t of their logarithm and the jackknife.
+    """Return confidence intervals of combined values; each row has its own interval.
+
+    A combined value is the root of a sum of n totals. The jackknife estimates its standard error.
+    The interval is that of its logarithm, by Student's t.
 
     Parameters
     ----------
     lower, upper : array, shape (rows, n)
-        Bounds of totals; n is at least 2.
+        Bounds of the totals; n is at least 2.
     order : float or array, shape (rows, 1)
         The order p.
     steps : array, shape (n,) or (rows, n), optional
-        Steps of each total. If given, the intervals are those of values per step (ratios of sums).
+        Number of steps of each total. If given, sums of totals are divided by sums of steps: the
+        intervals are those of values per step.
 
     Returns
     -------
@@ -73,7 +80,8 @@ def intervals(
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # The deviation is largest if only one total is above 0; this limits intervals of wide brackets.
+    # The standard error of exact totals is at most value * sqrt(n / (n - 1)). This limits the
+    # margin, which can be larger if brackets are wide.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -81,35 +89,36 @@ def intervals(
 
 
 FEW_EVENTS = 10
-"""If fewer runs than this have a cost, intervals use the share of these runs, not the jackknife.
+"""Smallest number of runs with a cost above 0 for which intervals are those of the jackknife.
 
-The jackknife cannot estimate the spread of so few costs. If all runs have a cost, it is used.
+With fewer, intervals use the share of such runs: the jackknife cannot estimate the spread of so few
+costs. If all runs have a cost, the jackknife is always used.
 """
 
 
 def rare_intervals(
     lower: Floats, upper: Floats, order: float, typical: float
 ) -> tuple[Floats, Floats]:
-    """Return intervals of root mean squares, even if few runs have a cost above 0.
+    """Return confidence intervals of root mean squares, even if few runs have a cost above 0.
 
     With fewer than `FEW_EVENTS` such runs, the interval of their share is computed (Clopper and
-    Pearson 1934). Its lower end is multiplied by the smaller of two costs: the mean of these runs,
-    and `typical`. Its upper end is multiplied by the larger of the two. Coverage by simulation:
-    docs/theory/intervals.md.
+    Pearson 1934). Its lower end is multiplied by the smaller of two costs: the mean cost of these
+    runs, and `typical`. Its upper end is multiplied by the larger of the two. Then the root is
+    taken. docs/theory/intervals.md has the coverage in simulations.
 
     Parameters
     ----------
     lower, upper : array, shape (rows, n)
-        Bounds of costs; n is at least 2.
+        Bounds of the costs of n runs, for each row; n is at least 2.
     order : float
         The order p.
     typical : float
-        Mean of all costs above 0 at all times; NaN if no run has a cost.
+        Mean of all costs above 0, over all runs and times; NaN if there are none.
 
     Returns
     -------
     tuple of array, shape (rows,)
-        Lower and upper ends; NaN where the cost per run is not known.
+        Lower and upper ends; NaN if `typical` is NaN.
     """
     from scipy.special import betaincinv  # lazy: slow to import
 
@@ -131,7 +140,10 @@ def rare_intervals(
 
 
 def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
-    """Return the combined values without each total, scaled to the number of totals, or per step.
+    """Return the combined values with each total left out in turn, for the jackknife.
+
+    The sum of the other totals is scaled to n totals. With `steps`, it is divided by the steps of
+    the other totals instead.
 
     Parameters
     ----------
@@ -140,7 +152,7 @@ def without_each(totals: Floats, order: Floats | float, steps: Floats | None = N
     order : float or array, shape (rows, 1)
         The order p.
     steps : array, shape (n,) or (rows, n), optional
-        Steps of each total, for values per step.
+        Number of steps of each total, for values per step.
 
     Returns
     -------
@@ -156,17 +168,17 @@ def without_each(totals: Floats, order: Floats | float, steps: Floats | None = N
 
 
 def margins(lower: Floats, upper: Floats) -> Floats:
-    """Return half widths of intervals of values, by Student's t and the jackknife.
+    """Return half widths of confidence intervals, from jackknife values and Student's t.
 
     Parameters
     ----------
     lower, upper : array, shape (..., n)
-        Bounds of each value without one pair.
+        Bounds of the n jackknife values, as from `without_each`.
 
     Returns
     -------
     array, shape (...)
-        Largest half width for any values between the bounds.
+        Half width that is large enough for any values between the bounds.
     """
     size = lower.shape[-1]
     middle, half = (lower + upper) / 2, (upper - lower) / 2
@@ -177,14 +189,14 @@ def margins(lower: Floats, upper: Floats) -> Floats:
 
 
 def student(pairs: int) -> float:
-    """Return the two-sided quantile of Student's t for this number of pairs."""
+    """Return the two-sided quantile of Student's t for `CONFIDENCE` and this number of pairs."""
     from scipy.special import stdtrit  # lazy: slow to import
 
     return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
 
 
 def p_values(lower: Floats, upper: Floats) -> Floats:
-    """Return two-sided p values of sums of differences, under flips of their signs.
+    """Return the two-sided p value of each sum of n differences, by flips of their signs.
 
     Parameters
     ----------
@@ -194,7 +206,7 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
     Returns
     -------
     array, shape (tests,)
-        Largest p value for any differences between the bounds.
+        p value that is large enough for any differences between the bounds.
     """
     sides = np.concatenate([-upper, lower]).T
     tails = exchanged_p_values([(sides, 0)], np.abs(sides).sum(axis=0))
@@ -203,23 +215,28 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
 
 
 Exchangeable = tuple[Floats, int]
-"""Values (n, tests) that can be exchanged with each other, and the number of first values that are
-on the side whose sum is tested; 0 for differences of pairs, whose signs can be flipped."""
+"""One stratum of a permutation test: n values for each test (n, tests), and a number m.
+
+If m is above 0, the first m values are on the side whose sum is tested. An exchange chooses other m
+values. If m is 0, the values are differences of pairs. An exchange flips some of their signs.
+"""
 
 
 def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
-    """Return one-sided p values of too large sums, under all exchanges or many random ones.
+    """Return the one-sided p value of each permutation test that a sum is too large.
 
-    The statistic is the sum of the first side minus the sum of the other side, scaled to the same
-    number of values. Strata are added up. SciPy has this test for one stratum, and without
-    allowance for rounding.
+    All exchanges are tried, or `PERMUTATIONS` random ones if there are more. The statistic of a
+    stratum is the sum of the tested side minus the sum of the other side. The other sum is scaled
+    to the same number of values. For differences of pairs, the statistic is their sum. Strata are
+    added up. SciPy has this test only for one stratum, and without allowance for rounding.
 
     Parameters
     ----------
     strata : sequence of Exchangeable
         At least one stratum.
     size : float or array, shape (tests,)
-        Sum of the sizes of all numbers. Sums that differ by less than `TIE` times `size` are equal.
+        Sum of the absolute values of all numbers. Sums that differ by less than `TIE` times `size`
+        count as equal.
 
     Returns
     -------
@@ -240,18 +257,18 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data as they are count as one exchange, as random exchanges may not include it.
+    # The data without any exchange are added, because the random exchanges can lack this case.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 
 
 def exchanges(count: int, first: int) -> int:
-    """Return the number of exchanges of `count` values."""
+    """Return the number of exchanges of `count` values, of which `first` are on the tested side."""
     return math.comb(count, first) if first else 1 << count
 
 
 def _signs(count: int, first: int) -> Floats:
-    """Return the factor of each value in the statistic of the data."""
+    """Return the factor with which each value enters the statistic, before any exchange."""
     other = -first / (count - first) if first else 1.0
     return np.concatenate([np.ones(first), np.full(count - first, other)])
 
@@ -281,20 +298,20 @@ def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) ->
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """Yield the numbers of draws per portion, for draws of `size` numbers each."""
+    """Split `count` draws of `size` numbers into portions, and yield the draws of each portion."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """Return the number of flips that a test uses; 0 with too few pairs."""
+    """Return the number of flips that a test of this many pairs tries; 0 with too few pairs."""
     return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
-    """Return p values adjusted for their number (Holm 1979), in the given order.
+    """Return p values adjusted for the number of tests (Holm 1979), in the given order.
 
-    `weights` are optional.
+    A test with a larger weight is adjusted less. Without `weights`, all tests have the same weight.
     """
     shares = np.ones(len(p_values)) if weights is None else weights
     order = np.argsort(p_values / shares, kind="stable")
@@ -308,14 +325,14 @@ def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Return intervals of the combined values of groups, NaN for groups that are too small.
+    """Return the confidence intervals of each group; NaN for groups with too few truths.
 
     Parameters
     ----------
     having : DataFrame
-        Rows of a store with a value.
+        Rows of a store that have a value.
     groups : Series of int
-        The group of each row, by the index of the rows.
+        Index of the group of each row.
     orders : Series of float
         The order p of each group.
 
@@ -336,7 +353,7 @@ def confidence(
     numbers, begins, counts = np.unique(
         sums.index.get_level_values("_group"), return_index=True, return_counts=True
     )
-    # Groups of one size are computed together.
+    # Groups with the same number of truths are computed together.
     for size in np.unique(counts[counts >= MIN_PAIRS]):
         of_size = np.flatnonzero(counts == size)
         units = begins[of_size][:, None] + np.arange(size)

@@ -1,8 +1,8 @@
-"""Store of a batch: settings, and parts with a row for each job.
+"""Store of a batch: a folder with settings and parts. A part is a file with a row for each job.
 
 A part is written to a temporary file and then renamed. A process that is killed therefore leaves
 all finished parts and no incomplete part. If several rows have the same key, the latest row
-with the status "done" counts.
+with the status "done" counts, or else the latest row.
 """
 
 import errno
@@ -38,18 +38,21 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row with the steps of a job by column, between a worker and the store."""
+"""Field of a row in which a worker hands the steps of a job, by column, to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
-"""Columns of the row of a job: number of rows of steps, and whether these have the curve."""
+"""Columns in the row of a job: number of its stored steps, and whether they have the curve."""
 
 COST_COLUMNS = ("total", *PARTS)
-"""Columns of costs."""
+"""Columns of a step with its costs."""
 
 CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
 CURVE_PARTS = tuple(f"curve.{part}" for part in PARTS)
-"""Columns with parts of the curve: costs of the steps up to each step, divided by their number."""
+"""Columns with the parts of the curve.
+
+They are costs of the steps up to each step, divided by the number of these steps.
+"""
 
 GOSPA_COLUMNS = ("gospa", "gospa.localisation", "gospa.missed", "gospa.false")
 
@@ -73,12 +76,12 @@ OF_SOME_STEPS = dict.fromkeys(
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
 ANEW = "delete the file; batch then evaluates its jobs again"
-"""Remedy for a damaged part."""
+"""Remedy for a damaged part, in messages."""
 
 
 @contextmanager
 def read_part(path: Path) -> Iterator[None]:
-    """Raise faults of a part as errors for the user.
+    """Turn errors of reading a part into errors for the user, with a remedy.
 
     Raises
     ------
@@ -96,12 +99,12 @@ def read_part(path: Path) -> Iterator[None]:
 
 
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
-    """Return the steps of a job as columns of its row, if they are requested.
+    """Return the fields for the row of a job that are about its steps.
 
-    The columns are the times as they were read, the number of steps of the horizon up to each step,
-    and costs in state units to the power p. Further columns have the value of an evaluation of only
-    the steps up to each step, and its bounds, as in `Result.curve`. They are NaN if the curve was
-    not requested.
+    Without `per_step` the fields say that there are none. The steps have these columns: times as
+    they were read, the number of steps of the horizon up to each step, and costs in state units to
+    the power p. Columns of the curve have the value of an evaluation of only the steps up to each
+    step, and its bounds, as in `Result.curve`. They are NaN if the curve was not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -150,7 +153,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     Returns
     -------
     DataFrame
-        Columns of each step: ``job`` (number of the row of the job), ``steps`` (number of steps of
+        Columns of each step: ``job`` (index of the row of the job), ``steps`` (number of steps of
         the horizon up to it), ``t`` as read, `COST_COLUMNS`, and `CURVE_COLUMNS` (NaN if not
         requested). Columns of `OF_SOME_STEPS` are included where they exist.
 
@@ -219,7 +222,10 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
 
 
 ALL_BYTES = 2**31 - 1
-"""Bytes of a lock file that are locked on Windows for all shards; a shard locks one byte."""
+"""Number of bytes of a lock file that a process with all jobs locks on Windows.
+
+A process with one shard locks one byte.
+"""
 
 NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 """Errors of file systems without locks, such as Lustre without the option flock."""
@@ -227,18 +233,18 @@ NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 
 @contextmanager
 def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> Iterator[None]:
-    """Lock the jobs of a shard; processes may work on other shards at the same time.
+    """Lock the jobs of a shard; other processes can work on other shards at the same time.
 
-    The operating system releases the locks at every end of a process, also if it is killed.
+    The operating system releases the locks when the process ends, even if it is killed.
 
     Parameters
     ----------
     folder : Path
         Folder of the lock files.
     shard : pair of int
-        Number of the shard, from 0, and number of shards.
+        Index of the shard, from 0, and number of shards.
     said : Path, optional
-        Folder that the user has named, if different.
+        Folder that messages name, if not `folder`.
 
     Raises
     ------
@@ -266,13 +272,14 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
 def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
     """Take the locks of the folder and of the shard.
 
-    On POSIX several shards share the lock of the folder. On Windows they lock byte ranges.
+    On POSIX, shards share the lock of the folder, and each locks a file of its own. On Windows,
+    each shard locks a byte of the same file.
     """
     number, count = shard
 
     def opened(name: str) -> Any:
         with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
-            # NFS gives shared locks only on files that can be read.
+            # Also opened for reading: NFS gives shared locks only on files that can be read.
             return stack.enter_context((folder / name).open("a+"))
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
@@ -295,7 +302,7 @@ SETTINGS = {
     },
     "settings_file": USED_FILE,
 }
-"""Description of the fields of a store's settings."""
+"""Fields of the settings of a store, and the kinds of their values."""
 PART_FOLDER = "jobs"
 
 
@@ -375,9 +382,9 @@ class Store:
         )
 
     def rows(self) -> "pd.DataFrame":
-        """Return the latest row of each job with the status "done", or else its latest row.
+        """Return one row for each job, sorted by labels.
 
-        Rows are sorted by labels.
+        It is the latest row of the job with the status "done", or else its latest row.
 
         Raises
         ------
@@ -390,7 +397,7 @@ class Store:
 
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            # Files are opened one by one, as the search for a dataset takes longer than reading.
+            # Files are opened one by one: pyarrow would take longer to search for a dataset.
             with read_part(path), pq.ParquetFile(path) as file:
                 part = file.read().replace_schema_metadata()
                 wrong = part_fault(part)
@@ -399,7 +406,7 @@ class Store:
             tables.append(part.select(list(known_columns(part))))
         if not tables:
             return pd.DataFrame(columns=["key", "status"])
-        # Parts with only failed jobs lack columns.
+        # Tables can differ in their columns: parts with only failed jobs lack some.
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
@@ -411,7 +418,7 @@ class Store:
         latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
         latest = latest.drop_duplicates(same, keep="last")
         kept = latest.sort_values(labels or "key", kind="stable").index
-        # Rows are selected with few columns, and all columns are taken once at the end.
+        # Rows were selected by few columns; only now, all columns are converted.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
 

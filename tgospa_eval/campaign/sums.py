@@ -1,8 +1,12 @@
 """Sums of the jobs of a batch: costs are added, never their roots.
 
-COMBINED of a group of jobs is ``(sum of totals)^(1/p)``. Its value per step is ``(sum of totals /
-sum of steps)^(1/p)`` with the steps of the horizon. RMS is ``(mean of totals)^(1/p)``, as for Monte
-Carlo runs (docs/reference/batch.md). Bounds of a sum are the sums of the bounds.
+A group of jobs has three values (docs/reference/batch.md). All are roots with the order p:
+
+- combined value: ``(sum of totals)^(1/p)``
+- value per step: ``(sum of totals / sum of steps)^(1/p)``, with the steps of the horizon
+- RMS value: ``(mean of totals)^(1/p)``, as for Monte Carlo runs
+
+The bounds of a sum are the sums of the bounds.
 """
 
 import json
@@ -55,30 +59,31 @@ if TYPE_CHECKING:
 
 
 WITH_PREFIX = "with."
-"""Prefix of the names of columns of other metrics."""
+"""Columns with values of other metrics have names with this prefix: ``with.hota.HOTA``."""
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
-    """Return the names of stored other metrics, in the order of their columns."""
+    """Return the names of the other metrics with stored values, in the order of these columns."""
     inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
 
 def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
-    """Return other metrics of a group of rows, by the names of their columns.
+    """Return the values of other metrics for a group of rows, by the name of the column.
 
-    Matches are counted over all rows, and ratios are ratios of these sums. Costs of GOSPA are
-    added. Numbers of a single row are unchanged.
+    Counts of matches are added over the rows, and ratios are computed from these sums. Costs of
+    GOSPA are added. Parts of the localisation cost and NEES are added, too, if all rows have them.
+    The values of a single row stay as they are.
 
     Parameters
     ----------
     rows : DataFrame
-        Rows of a store with a value, with the same distance and cutoff.
+        Rows of a store that have a value. All have the same distance and cutoff.
 
     Raises
     ------
     ConfigError
-        The extra that joins them is not installed.
+        The extra that computes these metrics is not installed.
     """
     from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS, joined, of_sums
     from tgospa_eval.evaluation.request import chosen_metrics
@@ -140,12 +145,12 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
 
 
 def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
-    """Return all tables of a batch: groups, and the order of the values of the first label.
+    """Return all tables of a batch: its groups, and rankings of the values of the first label.
 
-    A row of a group has its labels, parameters that differ between jobs, sums and their roots. A
-    label with the name of another column keeps ``label.``. ``jobs`` is the number of jobs with a
-    value. ``expected`` is the number of jobs that the group would have with every job of the groups
-    that share a truth with it.
+    The table of groups has a row for each group: its labels, the parameters in which jobs differ,
+    sums of costs, and roots of these sums. A label with the name of another column keeps the prefix
+    ``label.``. ``jobs`` is the number of jobs with a value. ``expected`` is the number of jobs if
+    none were missing, judged by the jobs of similar groups.
 
     Parameters
     ----------
@@ -154,7 +159,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     by : sequence of str
         Labels that define the groups. Values of the first label are compared.
     roots : bool
-        Whether to add means of roots.
+        Whether to add the mean of the values of the jobs, in columns ``mean_of_roots...``.
 
     Raises
     ------
@@ -169,7 +174,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     rows, parameters = with_parameters(rows)
     filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
-    # The parameters of a job without a value are not known.
+    # A failed job has no parameters, so it is in no group if parameters differ.
     heads, numbers = _groups(having if parameters else filled, by, parameters)
     own = numbers.loc[having.index]
     orders = having["order"].groupby(own).first()
@@ -210,7 +215,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
 def _groups(
     rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]
 ) -> tuple["pd.DataFrame", "pd.Series[int]"]:
-    """Return the groups, in natural order of their labels, and the number of the group by row."""
+    """Return the groups, in natural order of labels, and the index of the group of each row."""
     import pandas as pd
 
     keys = [*(LABEL + name for name in by), *differing]
@@ -231,7 +236,7 @@ def _groups(
 def _summed(
     having: "pd.DataFrame", numbers: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> "pd.DataFrame":
-    """Return sums over the jobs of each group, and their roots."""
+    """Return a row for each group: sums over its jobs, and roots of these sums."""
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
@@ -251,9 +256,12 @@ def _summed(
 def _expected(
     rows: "pd.DataFrame", numbers: "pd.Series[int]", by: Sequence[str], differing: Sequence[str]
 ) -> Any:
-    """Return the number of jobs that each group would have if it had all jobs of similar groups.
+    """Return the number of jobs that each group would have if no job were missing.
 
-    Similar groups have a truth in common, or all groups are similar if each has only one truth.
+    Jobs of two groups correspond if they have the same truth, the same parameters and the same
+    labels except those in `by`. The truths can differ if each group has only one truth. Groups are
+    similar if some of their jobs correspond, or if both are similar to a third group. A group
+    should have every job that a similar group has.
 
     Returns
     -------
@@ -271,7 +279,7 @@ def _expected(
 
 
 def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield one warning per kind about the data: the first job, and the number of other jobs."""
+    """Yield a line for each kind of data warning: the first job, and the number of other jobs."""
     if "warnings" not in rows:
         return
     by_code: dict[str, list[tuple[str, Notice]]] = {}
@@ -287,14 +295,16 @@ def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
-    """Return the sums of slices by the number of the group, for groups with slices.
+    """Return, by index of the group, its slices, with costs added over its jobs.
+
+    Groups without slices are left out.
 
     Parameters
     ----------
     having : DataFrame
-        Rows of a store with a value.
+        Rows of a store that have a value.
     numbers : Series of int
-        The group of each row, by the index of the rows.
+        Index of the group of each row.
     """
     if STORED_SLICES not in having:
         return {}
@@ -308,28 +318,28 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # -------------------------------------------------------------------------------------------------
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
-# Every run of a group counts at each time, with cost 0 where it has no step. A run counts only from
-# its first to its last step if a clock is requested, or if at most half of the runs are under way
-# at any one time. Sums over time and over runs are computed from left to right, with runs in the
-# order of the jobs. Powers are those of Python. A script that adds up single results therefore gets
-# the same doubles.
+# By default, every run of a group counts at each time, with cost 0 at times without a step. In two
+# cases a run counts only while it is under way, from its first to its last step: the time axis is
+# given (`over`), or at most half of the runs are under way at any one time. Sums over time and over
+# runs are computed from left to right, with runs in the order of the jobs. Powers are those of
+# Python. A script that adds up single results therefore gets the same doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
-"""Number of resamples and seed of the bootstrap."""
+"""Number of resamples of the bootstrap, and its seed."""
 
 BAND_LEVELS = ((1 - statistics.CONFIDENCE) / 2, (1 + statistics.CONFIDENCE) / 2)
-"""Levels of the ends of a band."""
+"""Quantile levels of the lower and the upper end of a band."""
 
 BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 """Number of resamples at or beyond each end of a band."""
 
 MAX_BANDED = 20_000
-"""Largest number of times with bands, for runs with few times in common."""
+"""Largest number of times for which runs with few times in common get bands."""
 
 Bounds = tuple[Sequence[float], Sequence[float]]
 
 Line = tuple[list[float], Band | None]
-"""Root mean squares and their band; None with too few runs."""
+"""Root mean squares at each time, and their band; no band with too few runs or too many times."""
 
 MIN_RUNS: Mapping[BandKind, int] = {
     "interval": statistics.MIN_PAIRS,
@@ -337,7 +347,7 @@ MIN_RUNS: Mapping[BandKind, int] = {
     "percentiles": 2,
     "deviation": 2,
 }
-"""Smallest number of runs with a band, by kind of band."""
+"""Smallest number of runs for which a band is computed, by kind of band."""
 
 
 def rms_curves(
@@ -347,7 +357,7 @@ def rms_curves(
     band: BandKind = "interval",
     over: str | None = None,
 ) -> tuple[list[RmsCurve], list[str]]:
-    """Return the curves of each group of jobs with stored steps, and messages about the curves.
+    """Return RMS curves for each group of jobs with stored steps, and messages about them.
 
     Parameters
     ----------
@@ -356,13 +366,13 @@ def rms_curves(
     steps : DataFrame, optional
         Steps of these rows, as returned by `read_steps`.
     by : sequence of str
-        Labels that define the groups. Parameters that differ define groups as well.
+        Labels that define the groups. Jobs with different parameters are in different groups.
     band : str
         Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
-        Time axis: time since the start of each run, or timestamps. The default is timestamps; or
-        time since the start if at most half of the runs of a group are between their first and
-        their last step at any one time.
+        Time axis: time since the start of each run, or timestamps. The default is timestamps.
+        Exception: it is the time since the start if the runs of a group hardly overlap. Then at
+        any one time, at most half of them are between their first and their last step.
     """
     if steps is None:
         return [], []
@@ -383,7 +393,7 @@ def rms_curves(
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         about: list[str] = []
-        # A run without any step counts with cost 0 at all times.
+        # A run counts if its steps are stored, or if it has none: then its cost is always 0.
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
@@ -419,7 +429,11 @@ def _curves(
     shown: tuple[BandKind, str | None],
     notes: list[str],
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
-    """Yield the curves of these jobs from their steps, and add messages to `notes`."""
+    """Yield the curves of these jobs, and add messages to `notes`.
+
+    A curve has its kind, its runs, lines by name, means by name, and bounds of the total, if any.
+    `shown` has the arguments `band` and `over` of `rms_curves`.
+    """
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
         notes.append(
@@ -479,7 +493,10 @@ def _curves(
 
 
 def _means(runs: "_Runs") -> dict[str, list[float]]:
-    """Return cardinality, detection rate and NEES at each time; NaN without objects or pairs."""
+    """Return the mean numbers of objects and estimates, the detection rate and NEES at each time.
+
+    The detection rate is NaN at times without objects, and NEES at times without pairs.
+    """
     sums = {name: runs.sums(row, carried=False) for name, row in runs.known(store.STATE_COLUMNS)}
     means: dict[str, Floats] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -493,7 +510,10 @@ def _means(runs: "_Runs") -> dict[str, list[float]]:
 
 
 def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: float) -> Floats:
-    """Return the band (2, K) of costs of runs between these bounds (N, K)."""
+    """Return the two ends (2, K) of the band around the root mean square of N runs at K times.
+
+    `lower` and `upper` (N, K) are bounds of the costs. `typical` is that of `rare_intervals`.
+    """
     root = 1 / order
     if kind == "interval":
         return np.stack(statistics.rare_intervals(lower.T, upper.T, order, typical))
@@ -511,7 +531,10 @@ def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: f
 
 
 def _resampled(costs: Floats) -> Floats:
-    """Return sorted means of costs (N, K) of runs drawn with replacement."""
+    """Return the means of all bootstrap resamples (`BAND_RESAMPLES`, K), sorted at each time.
+
+    A resample draws N runs with replacement. `costs` (N, K) are those of the runs at K times.
+    """
     runs, rng = len(costs), np.random.default_rng(BAND_SEED)
     draws = max(1, statistics.NUMBERS_AT_ONCE // runs)
     means = np.concatenate(
@@ -526,12 +549,12 @@ def _resampled(costs: Floats) -> Floats:
 
 
 class _Runs:
-    """The R steps of N runs in the order of run and time, and the T times of all runs.
+    """Steps of N runs: R steps in all, sorted by run and time, at T different times.
 
     Raises
     ------
     TimeError
-        The times are of several kinds.
+        The times are of several kinds, such as numbers and dates.
     """
 
     def __init__(
@@ -555,7 +578,7 @@ class _Runs:
         at_once = _running(place[by_run], self.slices, len(read))
         if over is None and 2 * at_once.max() <= len(begins):
             self.over, self.own_span = "start", True
-        if self.over == "start":  # does not change the order of the steps of a run
+        if self.over == "start":  # the steps of a run stay in the same order
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
@@ -572,18 +595,18 @@ class _Runs:
             self.present = _running(self.place, self.slices, size)
 
     def columns(self, names: Sequence[str]) -> Floats:
-        """Return columns (M, R) of the steps."""
+        """Return M columns of the table of steps, as an array (M, R)."""
         return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     def known(self, names: Sequence[str]) -> Iterator[tuple[str, Floats]]:
-        """Yield name and values (R,) of each column that all steps have."""
+        """Yield name and values (R,) of each named column in which every step has a value."""
         for name in names:
             if name in self.steps and self.steps[name].notna().all():
                 yield name, self.columns([name])[0]
 
     @cached_property
     def nees(self) -> tuple[Floats, Floats] | None:
-        """Sums (T,) of NEES, and numbers of pairs, over the runs with NEES."""
+        """Sum of NEES at each time (T,), and number of pairs (T,), over the runs with NEES."""
         if store.NEES_COLUMNS[0] not in self.steps:
             return None
         total, pairs = np.nan_to_num(self.columns(store.NEES_COLUMNS))
@@ -591,9 +614,10 @@ class _Runs:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """True if usually at most half of the runs that have begun and not ended have a step.
+        """True if, at more than half of all times, at most half of the runs have a step.
 
-        Only times count that are inside several runs.
+        Only runs under way count at a time, from their first to their last step. Only times count
+        at which several runs are under way.
         """
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
@@ -603,11 +627,11 @@ class _Runs:
 
     @property
     def many(self) -> bool:
-        """True if bands, whose work grows with runs by times, would take too long."""
+        """True if bands would take too long: the runs are scattered over too many times."""
         return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
-        """Return sums of costs (M, R) up to each step, per step of the horizon up to it."""
+        """Return costs (M, R) added up to each step, divided by the steps of the horizon so far."""
         sums = np.empty_like(costs)
         for own in self.slices:
             np.cumsum(costs[:, own], axis=1, out=sums[:, own])
@@ -615,9 +639,10 @@ class _Runs:
         return sums
 
     def sums(self, costs: Floats, *, carried: bool) -> Floats:
-        """Return sums (T,) of costs (R,) at each time, over the runs in their order.
+        """Add costs (R,) over the runs, in their order, and return the sum at each time (T,).
 
-        If costs are `carried`, a run has at each time the cost of its last step up to this time.
+        If costs are `carried`, a run without a step at a time keeps the cost of its previous step.
+        Otherwise its cost at this time is 0.
         """
         size = len(self.times)
         totals = np.zeros(size)
@@ -631,14 +656,17 @@ class _Runs:
         return totals
 
     def rms(self, costs: Floats, *, carried: bool) -> list[float]:
-        """Return root mean squares over the runs at each time, of costs (R,)."""
+        """Return the root mean square over the runs at each time, from the costs (R,) of steps."""
         means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
         return [cost ** (1 / self.order) for cost in means.tolist()]
 
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
     ) -> Line:
-        """Return root mean squares of costs (R,), and their band; `bounds` are of the costs."""
+        """Return the root mean square of costs (R,) over the runs at each time, and its band.
+
+        `bounds` are lower and upper bounds of the costs, if the costs are not exact.
+        """
         band = None
         if self.count >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
@@ -663,10 +691,11 @@ class _Runs:
         return self.rms(costs, carried=carried), band
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
-        """Yield batches of K times: steps (N, K) of all runs, and masks of steps and of runs.
+        """Yield the steps of all N runs at K times: indices and two masks, each (N, K).
 
-        If steps are `carried`, a run has at each time its last step up to this time. The first mask
-        marks cells with a step, and the second mask marks cells of runs that count.
+        The times are split into batches of K. The first mask is true where a run has a step. If
+        steps are `carried`, a run without a step at a time keeps its previous one. The second mask
+        is true where a run counts.
         """
         ends = np.array([[0, len(self.times)]] * self.count)
         if self.own_span:
@@ -686,9 +715,10 @@ class _Runs:
 
 
 def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
-    """Return the number of runs (size,) between first and last step at each time.
+    """Return the number of runs under way at each of `size` times: between first and last step.
 
-    The places of each run are in order.
+    `place` has the index of the time of each step, in order within each run. `runs` has the range
+    of the steps of each run.
     """
     change = np.zeros(size + 1, np.int64)
     for own in runs:
@@ -698,7 +728,12 @@ def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
 
 
 def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
-    """Return times since the first step of the run, in seconds or the unit of the timestamps."""
+    """Return the time of each step since the first step of its run.
+
+    The unit is seconds; if times are plain numbers, it is their unit. The arguments are all
+    different times, the index of the time of each step, the index of its run, and the number of
+    runs.
+    """
     times = parse_times(list(map(str, read)), floats)
     value = times.value[codes]
     first = np.full(runs, value.max(), value.dtype)
@@ -708,11 +743,11 @@ def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Flo
 
 
 DIGITS_OF_TIMES = 9
-"""Decimals of times since a start, to which differences are rounded."""
+"""Number of decimals to which times since a start are rounded."""
 
 
 def _as_read(text: str) -> Time:
-    """Return the time that was stored as this text: an integer, a float, or the text."""
+    """Return a stored time as it was read: as an integer or a float if possible, else as text."""
     for kind in (int, float):
         try:
             return kind(text)

@@ -1,1 +1,1 @@
-"""The gate: rows judged by a baseline, with rules, suites, groups of seeds and reports."""
+"""The gate: judges new results by rules and a baseline; with suites, groups and reports."""

@@ -1,4 +1,4 @@
-"""Baselines: values, options and data of each pair, as JSON made for git."""
+"""Baselines: JSON files for git with the values, the options and the data of each pair."""
 
 import glob
 import json
@@ -32,7 +32,7 @@ from tgospa_eval.tracks.coverage import (
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """One evaluation, from this run or from a stored result.
+    """One evaluation that a gate judges, made now or read from a store.
 
     Parameters
     ----------
@@ -41,23 +41,23 @@ class Measured:
     classes : mapping of str to mapping
         Values of each class, if the classes are evaluated separately.
     bounds : pair of float
-        Bounds of the metric, in state units.
+        Lower and upper bound of TGOSPA, in state units.
     parameters : mapping
         Parameters, as in the JSON of a result.
     evaluated_on : mapping
-        Data that were evaluated, as in the JSON of a result.
+        Description of the evaluated data, as in the JSON of a result.
     estimate : str
         Digest of the estimate.
     version : str
         Version of the program.
     status : str
-        Message of the solver at its end.
+        Message with which the solver ended.
     certified : bool
         Whether the requested gap was met.
     nees : NeesSums, optional
         Sums from which NEES is computed, if there are any.
     silent : bool
-        Whether the estimate has no state that takes part.
+        Whether no state of the estimate was evaluated.
     """
 
     values: Mapping[str, Value]
@@ -85,7 +85,7 @@ class Measured:
 
     @property
     def remedy(self) -> str:
-        """Option that narrows the bracket, depending on how the solver ended."""
+        """Advice on how to narrow the bracket, depending on how the solver ended."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
             return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
@@ -112,7 +112,7 @@ class Measured:
 
 
 ROUNDING_GAP = 1e-9
-"""Relative gap of the solver `certified` at about the level of rounding errors."""
+"""A relative gap that is about as small as the rounding errors of the solver `certified`."""
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
@@ -121,9 +121,9 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     Parameters
     ----------
     numbers : mapping of str to float
-        Numbers by path, with the bounds `total_lower` and `lower_bound`.
+        Numbers of a result by path, including ``total_lower`` and ``lower_bound``.
     scale : float
-        c^p.
+        Unit of costs: c^p, with the cutoff c and the order p.
     """
     normalised, tgospa = numbers["normalised.tgospa"], numbers["tgospa"]
     share = normalised / tgospa if tgospa > 0 else 0.0
@@ -148,7 +148,7 @@ def measured(row: Row) -> Measured:
     Raises
     ------
     ConfigError
-        The option `ignore` names marks of estimates.
+        The option `ignore` uses marks in estimates.
     """
     nees, parameters = NeesSums.of_row(row), json.loads(row["parameters"])
     scale = row["cutoff"] ** row["order"]
@@ -169,13 +169,13 @@ def measured(row: Row) -> Measured:
 
 
 def nees_values(nees: NeesSums | None) -> dict[str, Value]:
-    """Return the values of NEES that rules can name."""
+    """Return the values of NEES that rules can name, by path; empty without NEES."""
     numbers = {} if nees is None else nees.numbers()
     return {path: Value.of(value) for path, value in numbers.items()}
 
 
 def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
-    """Return the defined values of the summary, by path."""
+    """Return the values of the summary by path, without those that are not defined."""
     known = {path: value for path, value in numbers.items() if names_summary(path)}
     return {
         p: Value.of(value) for p, value in known.items() if value is not None and value == value
@@ -192,13 +192,21 @@ MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
 
 Baseline: TypeAlias = dict[str, Json]
-"""Entry of each pair, by its name, as in the JSON. An entry has `values` (`upper_bound` with the
-values that follow from it, the split, `lower_bound`, and the values of classes under `by_class`),
-the `options` that were given, the `parameters` that change the number, `judged`, the `version` of
-the program, and `labels`. The values of earlier nights are in `nights`, the newest first."""
+"""Entry of each pair, by the name of the pair, as in the JSON.
+
+The fields of an entry are:
+
+- `values`: upper ends of brackets, `lower_bound`, the split, NEES and the summary if known, and the
+  values of classes under `by_class`
+- `nights`: the values of earlier runs of the tracker (nights), the newest first
+- `options`: the options that were given
+- `parameters`: the parameters that change the number
+- `judged`: the evaluated data
+- `estimate_sha256`, `version`, `labels`: digest of the estimate, version of the program, and labels
+"""
 
 MAX_NIGHTS = 10
-"""Largest number of nights that an entry keeps."""
+"""Largest number of nights that an entry keeps, including the newest."""
 
 
 def make_entry(
@@ -236,9 +244,10 @@ def make_entry(
 
 
 def with_nights(entry: Json, before: Json | None) -> Json:
-    """Add the values of earlier nights to an entry, unless they belong to other data.
+    """Add the values of the entry `before` to a new entry, as earlier nights.
 
-    An estimate that the newest night already has is not a further night: it would show no spread.
+    They are left out if their parameters or data differ. If both entries have the same estimate,
+    the new one replaces the newest night: the same values twice would show no spread.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -255,7 +264,10 @@ def nights_of(entry: Json) -> list[Json]:
 
 
 def typical(entry: Json) -> Json:
-    """Return the means of an entry over its nights; roots are averaged as powers."""
+    """Return the values of an entry as means over its nights.
+
+    Values that are roots, such as TGOSPA, are averaged as costs: mean first, root last.
+    """
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
         values: Json = entry["values"]
@@ -283,13 +295,13 @@ def typical(entry: Json) -> Json:
 
 
 def number_in(values: Json, name: str | None, path: str) -> float:
-    """Return a value of all classes, or of one class; an absent class has a cost of 0."""
+    """Return a value of the class `name`, or of all classes if it is None; 0 if it is absent."""
     own = values if name is None else values.get("by_class", {}).get(name, {})
     return float(value_at(own, path) or 0.0)
 
 
 def nested(values: Mapping[str, Any]) -> Json:
-    """Return values by path, as in the JSON of a result."""
+    """Return values by path, such as ``counts.missed``, as nested tables as in the JSON."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
@@ -301,7 +313,7 @@ def nested(values: Mapping[str, Any]) -> Json:
 
 
 def upper_ends(values: Mapping[str, Value]) -> Json:
-    """Return the upper ends of values, as in the JSON of a result."""
+    """Return the upper ends of values, as nested tables as in the JSON."""
     return nested({path: value.upper for path, value in values.items()})
 
 
@@ -328,7 +340,8 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     old = entry["judged"]
     wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
-    # On these grids the steps do not depend on the estimate, so the truth itself was changed.
+    # With these grids, the estimate does not change which steps of the truth count. A difference
+    # therefore means that the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
             old[name] == now.evaluated_on[name]
@@ -341,12 +354,12 @@ def differences(entry: Json, now: Measured) -> list[str]:
 
 
 def check_equal(entry: Json, now: Measured) -> None:
-    """Check that a result and an entry of the same estimate have bounds that overlap.
+    """Check that bounds overlap, if a result and an entry have the same estimate.
 
     Raises
     ------
     SolverError
-        The bounds of the same data do not overlap.
+        The estimate is the same, but the bounds do not overlap.
     """
     own, old = (
         [Interval(lower=low, upper=high)]
@@ -373,16 +386,16 @@ def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | 
 
 
 CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
-"""Conflict of git where two branches changed the same lines, with the lines of each side."""
+"""Pattern of a merge conflict of git. Its two groups are the lines of each branch."""
 
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
 
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
-    """Read a baseline from the text of a file; `path` begins the messages.
+    """Read a baseline from the text of a file; messages name it by `path`.
 
-    Entries that two branches changed are accepted if `renewed` returns True for their names,
-    because the update makes them again.
+    A merge conflict is accepted if `renewed` returns True for the names of all entries in conflict:
+    the update then makes these entries again.
 
     Raises
     ------
@@ -423,7 +436,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """Return the description of the values at these paths."""
+    """Return the expected form of values at these paths: costs or counts."""
     return nested(dict.fromkeys(paths, COST))
 
 
@@ -448,11 +461,11 @@ BASELINE = {
         }
     }
 }
-"""Description of the fields of a baseline, to check a document."""
+"""Fields of a baseline, and the kinds of their values."""
 
 
 def _contradiction(entry: Json) -> str | None:
-    """Return the first value of an entry that contradicts the others; None if all fit."""
+    """Describe the first value of an entry that contradicts the others; None if all fit."""
     for night, values in enumerate(nights_of(entry)):
         place = f"nights.{night - 1}" if night else "values"
         classes = values.get("by_class", {})
@@ -471,7 +484,10 @@ def _contradiction(entry: Json) -> str | None:
 
 
 def patterns_of(names: set[str], everything: set[str]) -> list[str]:
-    """Return patterns that match only these names: `slow/*` if all names of `slow/` are chosen."""
+    """Return patterns that match all of `names`, and no other names of `everything`.
+
+    If several names begin with ``slow/``, and `names` has all of them, their pattern is ``slow/*``.
+    """
     all_of, chosen_of = (
         Counter(name.partition("/")[0] for name in some if "/" in name)
         for some in (everything, names)

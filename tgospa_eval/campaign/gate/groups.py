@@ -1,22 +1,24 @@
 """Groups of a gate: runs with different seeds, added up and judged together.
 
-A group fails if its value is above the limit, and the seeds are an unlikely reason. This needs one
-of two results. Either the test by the scatter of its runs supports that the tracker is worse than
-the limit allows. Or a rule on a total finds a jump: one scene or run is far above the usual spread
-of its seeds (`jumps`). A jump of a group within its limit does not fail. With `strict`, a group
-above its limit always fails. Absolute limits, values of assigned pairs, and groups with one run per
-scene are judged by the sums without a test.
+A group fails if its value is above the limit, and the seeds are an unlikely reason. There are two
+ways to show this. A test that uses the scatter of the runs supports that the tracker is worse than
+the limit allows. Or, for a rule on a total, there is a jump: one scene or run is far above the
+usual spread of its seeds (`jumps`). A group within its limit does not fail by a jump. With
+`strict`, a group above its limit always fails. In three cases the sums are judged without a test:
+by absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
 
-A dead run always fails, whatever the limit is. The measure is the largest number of states that a
-run of its scene missed in the baseline. A run is dead if it misses more than halfway from this
-number to all states. A quarter of the way is enough if its number of misses is a jump.
+A run in which the tracker failed is dead. A dead run always fails, whatever the limit is. Let m be
+the largest number of states that a run of the scene missed in the baseline, and n the number of all
+states of the new run. It is dead if it misses more than m + (n - m) / 2 states. If its number of
+misses is a jump, more than m + (n - m) / 4 is enough.
 
-All groups of a table are also judged together, as one more group, which shows small changes that
+All groups of a table are also judged together, as one more group. This shows small changes that
 all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
 limit fails in at most 1 - confidence of its gates, for any number of groups and rules. To this end
-p values are adjusted (Holm 1979, with weights). Each rule of a table has the same share of the
-error. `OF_ALL` of this share is for all groups together. Single groups share the remaining error
-equally, because jumps also find large changes of a single group.
+p values are adjusted (Holm 1979, with weights). Each rule of each table has the same share of the
+error probability 1 - confidence. Of this share, `OF_ALL` belongs to the test of all groups
+together. Single groups share the rest equally. It is small, because jumps also find large changes
+of a single group.
 """
 
 import math
@@ -55,20 +57,20 @@ FEWEST_RUNS = 5
 """Smallest number of runs for a test."""
 
 OF_ALL = 0.8
-"""Share of the error of a rule for the test of all groups together."""
+"""Share of the error probability of a rule that the test of all groups together has."""
 
 SHOWN = 5
 """Largest number of runs that a sentence names."""
 
 MIN_STATES = 10
-"""A run that reports some states can be dead only if the truth has at least this many states."""
+"""Smallest number of true states for which a run that reports some states can be dead."""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
 Labels = Mapping[str, str]
 
 Part = tuple[str | None, str]
-"""A class (None for all classes), and the path of a value."""
+"""Name of a class, or None for all classes; and path of a value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,13 +80,13 @@ class SceneRuns:
     Parameters
     ----------
     name : str
-        Labels of the scene.
+        Name of the scene: its labels as text.
     names : sequence of str
         Names of the new runs.
     now : sequence of Measured
         New runs, in the order of their names.
     old : sequence of dict
-        Entries of the baseline, in the same order.
+        Entries of the baseline. If `paired`, they are in the same order.
     paired : bool
         Whether the new runs and the entries have the same names.
     """
@@ -96,7 +98,7 @@ class SceneRuns:
     paired: bool
 
     def missed(self) -> Rises:
-        """Return the rises of the missed shares of the new runs above the baseline."""
+        """Return how far the missed shares of the new runs rise above those of the baseline."""
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
@@ -107,10 +109,9 @@ class SceneRuns:
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
     def dead(self, p_values: Floats) -> list[rules.Finding]:
-        """Return a finding for each dead run; `p_values` are those of jumps of the missed shares.
+        """Return a finding for each dead run, as defined by this module.
 
-        The limit is halfway from the most misses of a run of the baseline to all states, or a
-        quarter of the way if the misses are a jump.
+        `p_values` has for each new run the p value of the test that its missed share is a jump.
         """
         findings = []
         ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
@@ -137,7 +138,7 @@ class Group:
     Parameters
     ----------
     name : str
-        The pattern with the labels of the group.
+        Pattern of the table, filled with the labels of the group.
     scenes : tuple of SceneRuns
         Scenes with new runs and runs of the baseline.
     faults : tuple of str
@@ -171,7 +172,7 @@ def judge_groups(
     Parameters
     ----------
     tables : iterable of GroupTable
-        Groups and rules.
+        Tables of groups with their rules.
     now, old : mapping
         New results and the entries of the baseline, by name of the pair.
     labels : mapping of str to mapping
@@ -179,7 +180,7 @@ def judge_groups(
     failed : iterable of str
         Pairs that could not be evaluated, so that their groups cannot be judged.
     strict : bool
-        Whether a group above its limit fails whatever its seeds support.
+        Whether a group above its limit fails even if the seeds can be the reason.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -219,7 +220,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # The hypotheses that Holm's method does not reject share the error.
+    # The tests that Holm's method leaves undecided share the error probability.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -256,9 +257,10 @@ def judge_groups(
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Return a sentence about the jump of each sum that has one, by the id of the sum.
+    """Return a sentence about each sum of `column` that has a jump, by the id of the sum.
 
-    Only values with a proven bracket have jumps, because counts of few switches have no scale.
+    A rise is a jump if its p value is at most `error`. Only values with a proven bracket have
+    jumps: a small count, such as that of switches, has no scale for its size.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
@@ -284,7 +286,7 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
 
 
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
-    """Return notes about groups with too few runs to fail in the test of their seeds.
+    """Return notes about groups with so few runs that the statistical test can never fail them.
 
     `labels` has the labels of the pairs by name. `nights` is the smallest number of nights of an
     entry of the baseline.
@@ -315,7 +317,7 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """Return the groups of a table as one group, if there are several and all can be judged."""
+    """Return one group of all groups of a table; none if there is one, or one cannot be judged."""
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -329,7 +331,7 @@ def _groups(
     labels: Mapping[str, Labels],
     failed: Sequence[str],
 ) -> list[Group]:
-    """Return the groups, sorted by name, of the pairs that have the labels of the pattern."""
+    """Return the groups of a table, sorted by name; pairs without the labels are left out."""
     runs_by_group: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
     for side, names in enumerate((now, old)):
         for name in sorted(names, key=natural):
@@ -358,7 +360,11 @@ def _group(
     old: Baseline,
     lost: Iterable[str],
 ) -> Group:
-    """Return one group; each scene has the names of its new runs and of its baseline runs."""
+    """Return one group.
+
+    `runs_by_scene` has for each scene the names of its new runs and of its runs in the baseline.
+    `lost` has the names of runs that could not be evaluated.
+    """
     scenes, notes = [], []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
@@ -410,11 +416,11 @@ class Stratum:
     Parameters
     ----------
     allowed : array, shape (n,)
-        Largest value within the limit, for each of the n runs of the baseline.
+        Limit that follows from each of the n runs, or nights, of the baseline.
     now : array, shape (m,)
         Values of the m new runs, in the order of `allowed` if `paired`.
     paired : bool
-        Whether the runs have the same seeds, in this order.
+        Whether the k-th new run has the same seed as the k-th limit, for each k.
     weight : float
         Weight in a sum with other strata.
     """
@@ -426,18 +432,19 @@ class Stratum:
 
     @property
     def all(self) -> Floats:
-        """Values of both sides, the new ones first."""
+        """Values of the new runs, then the limits that follow from the baseline."""
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """Return the stratum as shares of the mean of all its values, times the weight."""
+        """Return the stratum with all values divided by their mean, times the weight."""
         factor = self.weight / (abs(float(self.all.mean())) or 1.0)
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of shares of single values, and its degrees of freedom.
+        """Return the sum of squared deviations of single values, and its degrees of freedom.
 
-        Exchanges do not change them, because both sides have the same mean under the hypothesis.
+        Values are shares of their mean. Exchanges do not change the results, because under the
+        hypothesis new runs and limits have the same mean.
         """
         one = replace(self, weight=1.0).relative()
         if self.paired:
@@ -446,10 +453,10 @@ class Stratum:
 
     @property
     def variance(self) -> float:
-        """Estimated variance of the sum of the excess over the limit."""
+        """Estimated variance of the sum by which the new runs exceed their limits."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        # The variance is pooled over both sides, as one side may have a single run.
+        # New runs and baseline share one variance, because one of them can have a single run.
         squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
         count = len(self.now)
         return squares / self.freedom * count * (1 + count / len(self.allowed))
@@ -462,14 +469,14 @@ class Stratum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Summed:
-    """A value of a group: the finding by the sums over its runs, and the limit of each run.
+    """A value of a group, summed over its runs, with the finding on the sum.
 
     Parameters
     ----------
     finding : Finding
-        Finding by the sums, as for a pair.
+        Finding on the sum, judged like the value of a pair.
     group : Group
-        The runs.
+        Group whose runs are summed.
     part : pair of str
         The class, if any, and the value of a run that is summed.
     base : float
@@ -489,14 +496,20 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if the value is tested: a scene has several seeds, and the rule limits a change."""
+        """True if the value is tested: a scene has several seeds, and the rule limits a change.
+
+        Absolute limits and values of assigned pairs are not tested.
+        """
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
-        """Return for each scene the new values, and the limits by night of each baseline run."""
+        """Return for each scene its new values, and the limits of its runs in the baseline.
+
+        Each run in the baseline has one limit for each night.
+        """
         if self.finding.rule.relative and self.base > 0:
             factor, more = self.limit / self.base, 0.0
         else:
@@ -527,9 +540,10 @@ class Summed:
     ) -> rules.Finding:
         """Return the finding with an inference about the tracker, from runs with several seeds.
 
-        `share` is the share of the error for this test, after Holm's method. `p_values` are those
-        of the tests that the tracker is worse and better, adjusted for all tests. `jump` is the
-        sentence about a jump, or blank. `judge_groups` describes `strict`.
+        `share` is the share of the error probability that this test has after Holm's method.
+        `p_values` has two p values, adjusted for all tests: of the test that the tracker is worse,
+        and of the test that it is better. `jump` is the sentence about a jump, or blank.
+        `judge_groups` describes `strict`.
         """
         runs, level = self.group.runs, 1 - (1 - confidence) * share
         worse, better = p_values
@@ -553,7 +567,7 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # A change of all runs would be detected, so only few runs changed.
+                # Such a rise of all runs would have been detected, so only few runs are worse.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
@@ -569,7 +583,10 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
-    """Return the strata of a scene: one for each run if paired runs have nights, else only one."""
+    """Return the strata of a scene: one for each run if they are paired with nights, else one.
+
+    `old` has the values of each run in the baseline, by night.
+    """
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)
@@ -580,7 +597,10 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
 
 
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
-    """Return the strata of all scenes, weighted by the inverse of the variance of their shares."""
+    """Return the strata of all scenes, with the weight 1 / variance of each scene.
+
+    The variance is that of values as shares of their mean. It is moderated as for jumps.
+    """
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
     median = float(np.median(squares / freedom)) if len(scenes) else 0.0
@@ -609,7 +629,11 @@ def _old(entry: Json, part: Part) -> Floats:
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
-    """Sum a value over all runs; None if no run has the value or the group is not comparable."""
+    """Sum the value of a rule over all runs.
+
+    None if the value is not known, or if the group is not comparable. NEES is computed from joined
+    sums, and a number of the summary is a mean over the runs.
+    """
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
     for scene in group.scenes:
@@ -663,7 +687,7 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
 
 
 def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
-    """Sum the baseline, with each scene scaled to its number of new runs."""
+    """Sum a number over the baseline; each scene is scaled to its number of new runs."""
     return math.fsum(
         math.fsum(map(number, scene.old)) * (len(scene.now) / len(scene.old))
         for scene in group.scenes
@@ -673,26 +697,31 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 # -------------------------------------------------------------------------------------------------
 # Tests, by runs with several seeds, that a sum has grown beyond a limit.
 #
-# Runs are stratified: a stratum is one scene, whose runs differ only in their seed. The hypothesis
-# is that the tracker is exactly as good as the limit. Then the old and the new value of a seed can
-# be exchanged, which flips the sign of their difference (Fisher 1935, section 21). If the seeds
-# differ from those of the baseline, all runs of a stratum can be exchanged (Pitman 1937). The
-# statistic is the sum of the excess over the limit in all strata, as a share of the mean of each
-# stratum. Shares are used because noise grows with the cost of a scene, and the costliest scene
-# must not hide the other scenes. Scenes are weighted by the inverse of the variance of these
-# shares, moderated as for jumps. Exchanges do not change means or weights.
+# Runs are stratified: a stratum is one scene, whose runs differ only in their seed. If the baseline
+# has several nights of the same seeds, a stratum is one run with its nights. The hypothesis is that
+# the tracker is exactly as good as the limit. Then the new value of a seed and its limit can be
+# exchanged, which flips the sign of their difference (Fisher 1935, section 21). If the seeds differ
+# from those of the baseline, or if there are nights, all values of a stratum can be exchanged
+# (Pitman 1937).
+#
+# The statistic is the excess of the new runs over their limits, summed over all strata. In each
+# stratum it is a share of the mean of all values. Shares are used because noise grows with the cost
+# of a scene, and the costliest scene must not hide the other scenes. Each scene has the weight
+# 1 / variance of these shares, moderated as for jumps. Exchanges do not change means or weights.
 
 POWER = 0.8
-"""Probability with which the noticeable change is detected."""
+"""Probability with which the test detects a change of the size that `noticeable` returns."""
 
 
 def p_value(strata: Sequence[Stratum]) -> float:
-    """Return the one-sided p value of a sum above its limit, exact if exchanges are few enough.
+    """Return the one-sided p value of the test that a sum is above its limit.
+
+    It is exact if the exchanges are few enough to try all.
 
     Parameters
     ----------
     strata : sequence of Stratum
-        One or more strata, tested together.
+        At least one stratum; all are tested together.
     """
     strata = [one.relative() for one in strata]
     both = [(one.now - one.allowed, 0) if one.paired else (one.all, len(one.now)) for one in strata]
@@ -702,7 +731,7 @@ def p_value(strata: Sequence[Stratum]) -> float:
 
 
 def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
-    """Return the smallest number of runs with enough exchanges to support a change."""
+    """Return the smallest number of runs with enough exchanges for a p value of 1 - confidence."""
     wanted = 1 / (1 - confidence) - 1e-9
     runs = 1
     while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < wanted:
@@ -711,11 +740,12 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Return the approximate rise of all runs above the limit that the test would detect.
+    """Return about how far all runs must rise above the limit so that the test detects it.
 
-    The rise is a share of the limit. It is detected with probability `POWER`, by Student's t with
-    the scatter of these runs. With exactly the `needed` number of runs, each run has to be above
-    the limit. The rise is infinite with fewer runs, without degrees of freedom or with limits of 0.
+    The rise is a share of the limit. The test detects it with the probability `POWER`, estimated by
+    Student's t with the scatter of these runs. `needed` is the smallest number of runs for a test.
+    With exactly this number, each run has to be above the limit. The rise is infinite in three
+    cases: with fewer runs, without degrees of freedom, and with limits of 0.
     """
     strata = [one.relative() for one in strata]
     freedom = sum(one.freedom for one in strata if one.freedom > 0)

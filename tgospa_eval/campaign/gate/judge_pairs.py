@@ -49,7 +49,10 @@ Evaluated = tuple[Row, Mapping[str, object]]
 """The row of a pair, and the options that made it."""
 
 Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
-"""Callable that evaluates jobs and yields rows in order; a baseline gives default options."""
+"""Callable that evaluates jobs and yields their rows in order.
+
+Options that are not given come from the baseline.
+"""
 
 
 def tables_of(
@@ -92,8 +95,8 @@ def rules_of(
     Raises
     ------
     ConfigError
-        A rule is wrong. Or, with `default`, there is no baseline, and no rule is given or a rule
-        needs a baseline.
+        A rule is wrong. Or, with `default`, the baseline is missing but needed: no rule is given,
+        or a rule compares with the baseline.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
@@ -142,7 +145,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Check that the options of an update fit together.
+    """Check that options of an update are given only for an update, and that it has a file.
 
     Raises
     ------
@@ -160,12 +163,12 @@ def _check_options(gate: GateOptions, path: str) -> None:
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
-    """Yield the pairs; pairs with estimates older than a time or a file have a fault.
+    """Yield all pairs; a pair gets a fault if its estimate is older than `since`, a time or a file.
 
     Raises
     ------
     ConfigError
-        The text is neither a file nor a time.
+        `since` is neither a file nor a time.
     """
     try:
         exists = os.path.exists(since)
@@ -198,10 +201,14 @@ def judge_pairs(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Return a report on all groups and pairs, or on an update of the baseline."""
+    """Judge all groups and pairs, or update the baseline, and return a report.
+
+    `path` is that of the baseline, blank without one. `old` has its entries, if the file exists.
+    `source` says in messages where the pairs come from.
+    """
     _check_options(gate, path)
     groups = tables_of(gate, pairs, groups)
-    if gate.group is not None:  # groups of the command line use these rules
+    if gate.group is not None:  # with --group, these rules judge only groups
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     single = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if single and old and ONLY_PAIR not in old:
@@ -239,14 +246,14 @@ def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
     """Return the typed command with the options that accept the failed pairs."""
     command = without_option(gate.typed, "--against")
     at = command.index("--") if "--" in command else len(command)
-    # pre-commit installs the program outside of the PATH of the user.
+    # pre-commit installs the program outside of the PATH, so the interpreter is named instead.
     from_hook = "PRE_COMMIT" in os.environ
     program = (sys.executable, "-m", "tgospa_eval") if from_hook else ("tgospa-eval",)
     return (*program, "gate", *command[:at], *accepted, *command[at:])
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
-    """Return notes about groups with too few seeds to show any change."""
+    """Return notes about groups with too few runs for the statistical test."""
     nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
     return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
@@ -262,7 +269,7 @@ def _judge_all(
     *,
     strict: bool,
 ) -> list[PairOutcome]:
-    """Judge all groups and pairs; a wrong file does not stop the other pairs."""
+    """Return the outcomes of all groups and pairs; a wrong file does not stop the other pairs."""
     missing = f"not in {path}"
     if baseline is None:
         missing = f"the baseline {path} does not exist; {option('update_baseline')} makes it"
@@ -320,7 +327,7 @@ def _judge_all(
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Return the values of a row or its error, and further fields for its outcome."""
+    """Return the values of a row, or its error; and further fields for the outcome of the pair."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about
@@ -332,7 +339,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 
 
 MAX_PAGES = 200
-"""Number of pairs up to which each pair has a page; with more pairs, passing pairs have no page."""
+"""Largest number of pairs for which each pair has a page; with more, passing pairs have none."""
 
 IN_GROUP = "not in the baseline: judged only in its group"
 
@@ -346,7 +353,7 @@ def _updated(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Renew the entries of all pairs or of the named pairs; after an error no entry is written."""
+    """Renew the entries of all pairs, or those chosen by ``--only``; write none after an error."""
     chosen = [pair for pair in pairs if gate.chosen(pair.name)]
     faults = [
         pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault

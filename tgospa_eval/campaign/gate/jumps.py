@@ -1,14 +1,19 @@
 """Jumps: scenes and runs far above the usual spread of their seeds, found even with few seeds.
 
-The test by exchanges makes no assumption, so it supports little with few runs: the smallest
-p value of six runs is 1/64. A jump is recognised by its size, under these assumptions. The
-logarithms of costs, and the arcsines of the roots of missed shares, scatter equally from night to
-night in all runs of a scene. Their distribution is about normal. Their scatter is similar to that
-of other scenes. The variance of a scene is that of its own runs, moderated by the other scenes
-(Smyth 2004): the median of the other variances counts as much as `PRIOR` values. t quantiles with
-the sum of both degrees of freedom allow for heavy tails, and for scenes that scatter more. If the
-baseline has several nights, a run is a jump only if it rises further than any run of the baseline
-rose above its own other nights. tests/support/nights.py measures the error with simulated trackers.
+The permutation test of `groups` makes no assumption about scatter. With few runs it therefore shows
+little: with six runs, the smallest p value is 1/64. A jump is recognised by its size instead. This
+needs three assumptions on the logarithms of costs, and on the arcsines of roots of missed shares:
+
+- They scatter equally from night to night, in all runs of a scene.
+- Their distribution is about normal.
+- They scatter similarly in other scenes.
+
+The variance of a scene is estimated from its own runs, and moderated by the other scenes (Smyth
+2004): the median of their variances counts as much as `PRIOR` values of the scene. The p value is
+that of Student's t, with the degrees of freedom of both added. This allows for heavy tails, and for
+scenes that scatter more. If the baseline has several nights, a run is a jump only if it rises
+further than any run of the baseline rose above its own other nights. tests/support/nights.py
+measures the error with simulated trackers.
 """
 
 import math
@@ -24,25 +29,38 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.consistency import chi_square
 
 FALSE_ALARMS = 0.0015
-"""Probability of a false jump in one gate, under the assumptions. The share of simulated trackers
-that jump is not larger; their scenes scatter from 0.12 to 0.34."""
+"""Probability that one gate finds a false jump, under the assumptions of this module.
+
+It was not exceeded for simulated trackers, whose scenes have a scatter of 0.12 to 0.34.
+"""
 
 OF_SCENES = 0.75
-"""Share of `FALSE_ALARMS` for scenes; the rest is for runs, as dead runs are found separately."""
+"""Share of `FALSE_ALARMS` for jumps of scenes; the rest is for jumps of single runs.
+
+The share of runs is smaller, because dead runs are found separately.
+"""
 
 PRIOR = 10.0
-"""Degrees of freedom of the scatter of other scenes in a moderated variance, at most."""
+"""Largest number of degrees of freedom with which other scenes enter a moderated variance."""
 
 MIN_SCATTER = 0.05
-"""Smallest scatter of logarithms, so that a small change of a deterministic run is not a jump."""
+"""Smallest standard deviation of logarithms that is assumed.
+
+Without it, a small change of a deterministic tracker would be a jump.
+"""
 
 SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value, as some values are 0."""
+"""Share of the mean of a scene that is added to each value before the logarithm is taken.
+
+Some values are 0.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rises:
-    """Rises of the runs of a scene above their limits, on a scale of even scatter.
+    """Rises of the new runs of a scene above their limits.
+
+    They are differences of logarithms or arcsines, so that all runs scatter equally.
 
     Parameters
     ----------
@@ -53,15 +71,16 @@ class Rises:
     of_mean : float
         Variance of the mean of the rises, in the same units.
     outside : bool array, shape (m,)
-        Whether the run is above all runs of the baseline.
+        Whether the run is above all runs and nights of the baseline.
     squares : float
-        Sum of squares of the baseline.
+        Sum of squared deviations in the baseline.
     freedom : float
         Degrees of freedom of `squares`.
     min_scatter : float
-        Smallest scatter that is assumed for a single value.
+        Smallest standard deviation that is assumed for a single value.
     ever : float
-        Largest rise of a run of the baseline above its other nights, over the root of its size.
+        Largest rise of a run of the baseline above its own other nights. It is divided by the root
+        of the variance of this rise, in the units of `size`.
     """
 
     rises: Floats
@@ -75,9 +94,9 @@ class Rises:
 
     @classmethod
     def of_costs(cls, now: Floats, allowed: Sequence[Floats], *, paired: bool) -> "Rises | None":
-        """Return the rises of costs above the limits of each night of each run of the baseline.
+        """Return the rises of the costs of new runs above their limits; None if all costs are 0.
 
-        None if all costs are 0.
+        `allowed` has the limits that follow from each run of the baseline, one for each night.
         """
         everything = np.concatenate([now, *allowed])
         if not everything.any():
@@ -88,7 +107,11 @@ class Rises:
 
     @classmethod
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
-        """Return the rises of missed shares of a ground truth with about this many states."""
+        """Return the rises of the missed shares of new runs above those of the baseline.
+
+        A missed share is the share of the states of a truth that are missed. `old` has the shares
+        of each run of the baseline, by night. `states` is the mean number of states of a truth.
+        """
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
 
@@ -105,7 +128,8 @@ class Rises:
             means, size = np.full(len(now), means.mean()), np.full(len(now), 1 + 1 / len(means))
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
-        # A night is n / (n - 1) times as far from the mean of the other nights as from the mean.
+        # The rise above the mean of the other nights is n / (n - 1) times the rise above the mean
+        # of all n nights. Its variance is n / (n - 1), too, in units of the variance of a value.
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -119,7 +143,7 @@ class Rises:
         )
 
     def scatter(self) -> tuple[float, float]:
-        """Return the sum of squares of single values of both sides, and its degrees of freedom."""
+        """Return the sum of squared deviations of old and new runs, and its degrees of freedom."""
         squares = float(((self.rises - self.rises.mean()) ** 2 / self.size).sum())
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
@@ -130,10 +154,14 @@ class Rises:
 
 
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
-    """Return the p value of each scene and those of its runs, adjusted for their numbers."""
+    """Return for each scene its p value and those of its runs.
+
+    They are adjusted for the number of scenes and the number of runs.
+    """
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
-    # The median of a chi-square variable is below its mean.
+    # Below, the median of these variances is used. Sums of squares are therefore divided by the
+    # median of chi-square, which is below its mean.
     variances = np.divide(
         squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
     )
@@ -167,7 +195,12 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """Return the one-sided p value of Student's t with moderated variance; 1 below the limit."""
+    """Return the one-sided p value of a rise, by Student's t; 1 if it is not above 0.
+
+    `size` is the variance of the rise in units of that of one value. `scatter` has the sum of
+    squares of the scene and its degrees of freedom. `beside` has the degrees of freedom and the
+    variance with which other scenes count.
+    """
     from scipy.special import stdtr  # lazy: slow to import
 
     (squares, freedom), (prior, median) = scatter, beside

@@ -1,4 +1,4 @@
-"""Options of a gate: rules and files to write. Light imports only, so that the help is fast."""
+"""Options of a gate: rules and files to write. Few imports, so that ``--help`` is fast."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
@@ -18,9 +18,9 @@ class GateOptions(Values):
     """Rules to judge by, settings of the evaluation, and files to write.
 
     A value comes from the first of these that has it: flag, environment, suite, configuration file,
-    baseline, default. `evaluation` has the options of the evaluation by field. `sources` has the
-    source of the value of each parameter: ``commandline``, ``environment``, ``default_map`` for a
-    configuration file, or ``default``. `typed` has the arguments of the command line, for commands
+    baseline, default. `evaluation` has the options of the evaluation by name. `sources` says where
+    the value of each parameter comes from: ``commandline``, ``environment``, ``default_map`` (a
+    configuration file) or ``default``. `typed` has the arguments of the command line, for commands
     that messages propose.
     """
 
@@ -120,7 +120,7 @@ class GateOptions(Values):
     config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
-        """Return the options of the evaluation that have one of these sources, by field."""
+        """Return the options of the evaluation whose values come from these sources, by name."""
         return {
             name: value
             for name, value in self.evaluation.items()
@@ -132,12 +132,12 @@ class GateOptions(Values):
         return self.sources.get(name) in ("commandline", "environment")
 
     def chosen(self, name: str) -> bool:
-        """Return whether an update includes this pair."""
+        """Return whether an update renews the entry of this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
 
     @property
     def renewed(self) -> Callable[[str], bool] | None:
-        """Test for the names of entries that an update makes again; None without an update."""
+        """Function that says for a name if an update renews its entry; None without an update."""
         return self.chosen if self.update_baseline else None
 
     def prefix(self, name: str) -> str:

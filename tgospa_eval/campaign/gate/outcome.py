@@ -57,7 +57,7 @@ class PairOutcome:
     Parameters
     ----------
     name, truth, estimate : str
-        Name of the pair and its files.
+        Name of the pair, and paths of its files.
     verdict : Verdict
         The worst verdict of the findings, or the reason why there are no findings.
     status : int
@@ -81,7 +81,7 @@ class PairOutcome:
     base : float, optional
         Total of the baseline for the same ground truth.
     page : str
-        Page of the pair; blank without one.
+        Text of the HTML page of the pair; blank without one.
     """
 
     name: str
@@ -102,7 +102,7 @@ class PairOutcome:
 
     @classmethod
     def of(cls, pair: Job, verdict: Verdict, *notes: str, **about: Any) -> Self:
-        """Return the outcome of a pair, with notes and further fields."""
+        """Return the outcome of a pair; `about` has further fields of the outcome."""
         names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
         about = {"status": STATUS[verdict], **names, "labels": pair.labels, **about}
         return cls(verdict=verdict, notes=notes, **about)
@@ -110,7 +110,7 @@ class PairOutcome:
     @property
     def page_name(self) -> str:
         """Path of the page in the folder of a gate; blank without a page."""
-        from tgospa_eval.show.files import folder_name  # lazy: for folders only
+        from tgospa_eval.show.files import folder_name  # lazy: needed only to write a folder
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
 
@@ -133,11 +133,11 @@ class Report:
     version : str
         Version of the program.
     again : tuple of str
-        Words of the command that accepts the outcomes, see `accepting_options`; empty without one.
+        Words of the command that accepts the outcomes (see `accepting_options`), if there is one.
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
-        Target branch with the suite and the baseline that judge; blank without one.
+        Target with the suite and the baseline by which pairs are judged; blank without a target.
     tally : mapping of str to int
         Numbers of entries that an update renewed, kept and removed.
     notices : tuple of str
@@ -154,7 +154,7 @@ class Report:
     notices: tuple[str, ...] = ()
 
     def messages(self, *warnings: Notice) -> list[str]:
-        """Return the messages next to the verdicts: source of settings, warnings and notices."""
+        """Return messages that are no verdicts: the source of settings, warnings and notices."""
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
@@ -173,7 +173,7 @@ class Report:
     @property
     def advice(self) -> str:
         """Command that accepts the failed pairs or tightens the baseline; blank without one."""
-        import shlex  # lazy: most gates pass
+        import shlex  # lazy: not needed if all pairs pass
 
         return shlex.join(self.again)
 
@@ -191,10 +191,10 @@ def evaluated_outcome(
     noisy: bool = False,
     **about: Any,
 ) -> PairOutcome:
-    """Return verdict, findings and notes of a result that is compared with its baseline entry.
+    """Return the outcome of a pair: its result is judged against its entry of the baseline.
 
-    Without an entry all rules must be absolute limits. `noisy` means that the pair is one run among
-    several seeds, so that this run alone shows no improvement. `about` has further fields.
+    Without an entry, all rules must be absolute limits. `noisy` means that the pair is one run
+    among several seeds: this single run cannot show an improvement. `about` has further fields.
     """
     reasons = differences(entry, now) if entry else []
     if reasons:
@@ -221,9 +221,10 @@ def combined_outcome(
     more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Return verdict, findings and notes of a group; `faults` are reasons why it is not comparable.
+    """Return the outcome of a group.
 
-    `dead` has a finding for each dead run.
+    `findings` has a finding for each rule, or None if its value is absent. `faults` are reasons why
+    the group is not comparable. `more` has further notes. `dead` has a finding for each dead run.
     """
     pair, faults = Job(name=name), list(faults)
     if faults:
@@ -263,7 +264,10 @@ def updated_outcome(
 
 
 def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
-    """Judge by a rule; a class that only one side has costs 0 on the other side."""
+    """Judge a result by a rule.
+
+    A class that only the result or only the baseline has costs 0 in the other.
+    """
     if is_beside(rule.path):
         value, base = now.values.get(rule.path), value_at(old, rule.path)
         if value is None or (base is None and not rule.absolute):
@@ -281,7 +285,10 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return the values that differ between two entries; `tgospa` is the upper bound."""
+    """Return old and new value for each path at which two entries differ; paths begin with `name`.
+
+    The value of ``tgospa`` is its upper bound.
+    """
     values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
@@ -303,7 +310,7 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
 
 
 def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]:
-    """Yield notes about the baseline."""
+    """Yield notes on how the result compares with the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and now.values["total"].lower <= old["total"] * (1 + 1e-9):
         yield (
@@ -364,7 +371,7 @@ def _absent(finding: Finding) -> str:
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
-    """Yield the proven change of these files, and the inference about the tracker."""
+    """Yield sentences on the change of these files, and on the inference about the tracker."""
     rule, base = finding.rule, finding.base or 0.0
     now, limit, before = texts(finding.now.lower, finding.limit, base)
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
@@ -416,7 +423,10 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """Return the outcome, for a failed group with notes on its parts, worst scenes and runs."""
+    """Return an outcome; if it is that of a failed group, add notes on parts, scenes and runs.
+
+    The notes name the parts of the cost that changed, the worst scenes and the worst runs.
+    """
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
     for name in results if one.group and one.verdict is Verdict.FAIL else ():
@@ -504,11 +514,11 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
 
 
 # -------------------------------------------------------------------------------------------------
-# Options of the command that a gate proposes, to accept the new values.
+# Options of the command that a gate proposes to accept the new values.
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
-    """Return arguments without an option that has a value."""
+    """Return the arguments without this option and its value."""
     kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)
@@ -522,9 +532,9 @@ def accepting_options(
     pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
-    """Return the options that accept the pairs that failed or are not comparable.
+    """Return the options with which ``gate`` accepts pairs that failed or are not comparable.
 
-    If every outcome has exit status 0, return the options that accept the improved pairs.
+    If there are none, and every outcome has exit status 0, the options accept improved pairs.
     """
     there = {pair.name: pair for pair in pairs}
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}

@@ -64,11 +64,12 @@ LIMITS = ("baseline", "limit", "now")
 def rows_of(
     report: Report,
 ) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
-    """Yield a row for each rule: outcome, text, numbers, verdict, and whether it is proven.
+    """Yield a row for each rule: outcome, text, numbers, verdict, and whether the value is proven.
 
-    The numbers are baseline, limit and value. An update has a row for each changed value, with the
-    value before and after. An outcome that could not be judged has a single row without numbers. A
-    new pair has a row with its total. A pair that passes without findings has no row.
+    The numbers are those of the baseline, of the limit, and of this run. An update has a row for
+    each changed value instead, with the value before and after. An outcome that could not be judged
+    has a single row without numbers. A new pair has a row with its total. A pair that passes
+    without findings has no row.
     """
     for outcome in report.outcomes:
         for path, change in outcome.changes.items():
@@ -88,11 +89,14 @@ def rows_of(
 
 
 def table(report: Report, width: int = table_text.WIDTH) -> str:
-    """Return a table of the rules of all pairs, then notes; many passing rules are left out."""
+    """Return a table of the rules of all pairs, and notes.
+
+    If there are many rows, rules that pass are left out. An update then shows only totals.
+    """
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
     shown = all_rows
-    if len(all_rows) > MANY_ROWS:  # an update shows the totals only
+    if len(all_rows) > MANY_ROWS:
         shown = [row for row in all_rows if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
@@ -128,13 +132,13 @@ def table(report: Report, width: int = table_text.WIDTH) -> str:
 
 
 MANY_ROWS = 40
-"""Number of rules above which rules that pass are not shown one by one."""
+"""Number of rows above which rules that pass are not shown one by one."""
 
 
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
-    """Yield the notes on pairs, each sentence once.
+    """Yield the notes on pairs, each sentence once, with the names of its pairs.
 
-    Notes of errors are left out, because they are on stderr; the other reports add them themselves.
+    Notes of errors are left out, because stderr has them. Reports without stderr add them.
     """
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
@@ -157,7 +161,7 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Names such as run-01-of-the-suite also share characters of their parts.
+        # Names such as run-01-of-the-suite share more than whole parts between slashes.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -179,7 +183,7 @@ def _prefix(names: Sequence[str]) -> str:
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """Count the first parts that all names share; at least one part of each name is not counted."""
+    """Count the first parts that all names share; the last part of a name never counts."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
@@ -191,18 +195,18 @@ def accept_title(report: Report) -> str:
 
 
 IN_NOISE = "in noise"
-"""Verdict on a group above its limit whose seeds may be the reason."""
+"""Verdict on a group above its limit whose seeds can be the reason."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
 
 def in_words(verdict: Verdict) -> str:
-    """Return a verdict as words for readers."""
+    """Return a verdict as reports show it."""
     return IN_NOISE if verdict is Verdict.NOISE else verdict
 
 
 def shown_verdict(finding: Finding) -> str:
-    """Return the verdict of a rule; "warning" if it only warns, and is broken or undecided."""
+    """Return the verdict that reports show; "warning" if a rule that only warns does not pass."""
     return "warning" if finding.warning else in_words(finding.verdict)
 
 
@@ -274,7 +278,7 @@ def _finite(value: float) -> float | None:
 
 
 def markdown(report: Report) -> str:
-    """Return the Markdown report, not longer than a comment on a pull request may be."""
+    """Return the Markdown report, short enough for a comment on a pull request."""
     return summary(report, COMMENT).decode()
 
 
@@ -377,7 +381,7 @@ TRUNCATED = "\n*The rest does not fit in here; see the log or the JUnit report.*
 
 
 def annotations(report: Report) -> Iterator[str]:
-    """Yield workflow commands: an error for each pair that does not pass, or a warning."""
+    """Yield commands of GitHub: an error for each pair that does not pass, and all warnings."""
     errors = [
         (title(outcome), "\n".join((outcome.verdict, *outcome.notes)))
         for outcome in report.outcomes
@@ -432,7 +436,7 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command is included, unless it would take more than half of the room.
+    # The command that accepts the values is kept, unless it would take more than half of the room.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(TRUNCATED.encode()) + len(END) + len(advice)
@@ -455,9 +459,9 @@ END = b"\n</details>\n"
 # -------------------------------------------------------------------------------------------------
 # Report as JUnit XML in the form that Jenkins and GitLab read, with one case for each rule.
 #
-# A broken rule is a failure. A rule that could not be judged is an error. A warning passes with a
-# text.
-# No library for XML is used, because its import takes as long as a small evaluation.
+# A broken rule is a failure. A rule that could not be judged is an error. A broken rule that only
+# warns passes, with a text. No library for XML is used, because its import takes as long as a small
+# evaluation.
 
 SUITE = "tgospa-eval gate"
 PAGE = "gate.html"
@@ -465,10 +469,10 @@ PAGE = "gate.html"
 
 
 def junit(report: Report, folder: str | None = None) -> str:
-    """Return the report as a document.
+    """Return the report as an XML document.
 
-    The first case of an outcome with a finding that does not pass points to a page in `folder`:
-    that of the outcome, or else that of all pairs.
+    If a finding of an outcome does not pass, the first case of the outcome names a page in `folder`
+    as an attachment: the page of the outcome, or else the page of all pairs.
     """
     cases: list[str] = []
     for outcome in report.outcomes:
@@ -495,7 +499,10 @@ def junit(report: Report, folder: str | None = None) -> str:
 
 
 def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
-    """Yield a case for each rule, or one without rules; the first has the time and the messages."""
+    """Yield a case for each rule, or one case if there are no rules.
+
+    The first case has the time and the messages.
+    """
     text = "\n".join(outcome.notes)
     if not outcome.findings:
         kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
@@ -555,7 +562,7 @@ LEVELS = (0.01, 0.03, 0.1, 0.3)
 
 
 def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
-    """Return the files of the folder by name.
+    """Return the contents of the files of the folder, by their names.
 
     Parameters
     ----------
@@ -575,7 +582,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 def page(report: Report, seed: str) -> str:
     """Return the page of all pairs, made from a template, without a script."""
-    from tgospa_eval.show.html import images, still_page  # lazy: for folders only
+    from tgospa_eval.show.html import images, still_page  # lazy: needed only to write a folder
 
     rows = [
         {
@@ -610,7 +617,10 @@ def _link(outcome: PairOutcome) -> str:
 
 
 def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
-    """Return the seeds of pairs with values, and for each scene a cell for each seed."""
+    """Return all seeds, and for each scene its name with a cell for each seed.
+
+    Only pairs that were evaluated count.
+    """
     scenes: dict[str, dict[str, PairOutcome]] = {}
     for one in report.outcomes:
         if one.values and not one.group:

@@ -18,7 +18,7 @@ PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with proven lower and upper bounds."""
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
-"""Values of one optimal assignment; another one may split the same total differently."""
+"""Values of one optimal assignment; another one can split the same total differently."""
 
 OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
 """Values of the assigned pairs of one optimal assignment. Single classes do not have them."""
@@ -34,13 +34,16 @@ def is_beside(path: str) -> bool:
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
-"""Ends of a path, the longest first: ``counts.missed`` before ``missed``."""
+"""Values that single classes have, sorted by the length of their names.
+
+The longest come first, because a path that ends with ``counts.missed`` also ends with ``missed``.
+"""
 
 TOLERANCE = 1e-6
-"""Tolerance of rules on the split: in counts, or in units of c^p."""
+"""Tolerance of rules on values that are not proven; for costs, as a multiple of c^p."""
 
 MIN_SLACK = 1e-9
-"""Rise that the default rule always allows, in units of c^p."""
+"""Rise that the default rule always allows, as a multiple of c^p."""
 
 NO_CHANGE = 1e-9
 """Largest relative change that does not count as an improvement."""
@@ -72,7 +75,7 @@ STATUS = {
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
     Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
-"""Exit status of each verdict; an error may have its own exit status."""
+"""Exit status of each verdict; an error can have its own exit status."""
 
 SEVERITY = (
     ExitStatus.REGRESSION,
@@ -83,12 +86,12 @@ SEVERITY = (
 )
 """Exit statuses, the worst first.
 
-A proven regression comes first, because a pipeline that tolerates 2 or 4 must still fail for it.
+A proven regression comes first: a pipeline that tolerates the status 2 or 4 must still fail for it.
 """
 
 
 def worst(statuses: Iterable[int]) -> int:
-    """Return the exit status of several verdicts."""
+    """Return the worst of several exit statuses."""
     return min(statuses, key=SEVERITY.index, default=0)
 
 
@@ -99,11 +102,11 @@ class Value(Interval):
     Parameters
     ----------
     lower, upper : float
-        The bounds. For a value of the split, both are the reported number.
+        The bounds. For a value that is not proven, both are the reported number.
     proven : bool
         Whether the bounds are proven.
     unit : float
-        Scale of tolerances: c^p for costs, 1 for counts.
+        Unit of tolerances: c^p for costs, 1 for other values.
     """
 
     proven: bool
@@ -111,12 +114,12 @@ class Value(Interval):
 
     @classmethod
     def of(cls, number: float, unit: float = 1.0) -> "Value":
-        """Return a value of the reported assignment, which is not proven."""
+        """Return a value that is not proven: both bounds are the reported number."""
         return cls(lower=number, upper=number, proven=False, unit=unit)
 
     @property
     def tolerance(self) -> float:
-        """Amount by which a limit may be exceeded."""
+        """Amount by which a value is allowed to exceed its limit."""
         return 0.0 if self.proven else TOLERANCE * self.unit
 
 
@@ -131,7 +134,7 @@ class Rule:
     path : str
         Name of the value.
     slack : float
-        Largest allowed change for the worse; the limit itself if `absolute`.
+        Largest allowed change for the worse. If `absolute`, it is the limit itself.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
@@ -172,14 +175,16 @@ DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, fl
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """Inference about the tracker from runs with several seeds, next to the proof for these files.
+    """Statistical inference about a tracker, from runs with several seeds.
+
+    It goes beyond the proof, which is only about the files of these runs.
 
     Parameters
     ----------
     p_value : float
         p value of the test that the tracker is worse than the limit.
     confidence : float
-        Confidence; a p value of at most 1 - confidence supports the hypothesis of a test.
+        Confidence of the tests. A p value of at most 1 - confidence supports their hypothesis.
     runs : int
         Number of runs that are judged.
     needed : int
@@ -187,7 +192,8 @@ class Inference:
     paired : bool
         Whether the seeds are those of the baseline.
     noticeable : float
-        Relative change from the baseline that these runs would detect; may be infinite.
+        Smallest relative change from the baseline that the test would probably detect with these
+        runs. It can be infinite.
     better : float
         p value of the test that the tracker is better than the baseline by at least the slack.
     jump : str
@@ -211,7 +217,7 @@ class Inference:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Finding of one rule.
+    """Result of judging a value by one rule.
 
     Parameters
     ----------
@@ -228,9 +234,10 @@ class Finding:
     inference : Inference, optional
         Inference from the runs of a group with several seeds.
     noisy : bool
-        Whether the pair is one run among several seeds; a single run cannot show an improvement.
+        Whether the value is that of one run among several seeds. Such a run cannot show an
+        improvement.
     note : str
-        Message that replaces the usual one.
+        Message that replaces the usual message of the rule.
     """
 
     rule: Rule
@@ -244,7 +251,7 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if bounds of the values on the same ground truths prove the change."""
+        """True if the bounds prove the change: old and new values have the same ground truths."""
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
@@ -264,7 +271,7 @@ class Finding:
 
 
 def judge(rule: Rule, now: Value, base: float | None) -> Finding:
-    """Judge whether the value keeps the rule, as far as its bounds prove it.
+    """Judge whether a value keeps a rule; the verdict is undecided if its bounds do not prove it.
 
     Raises
     ------
@@ -339,7 +346,7 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """Parse all rules; a text may have several, with commas.
+    """Parse all rules; a text can have several, with commas between them.
 
     If `fail_on` is empty and `default` is true, the default rule is added.
 
@@ -364,7 +371,7 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
             continue
         given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
         path = _path(ends["path"].strip(), name, text)
-        read = parsed if names_summary(path) else _not_negative  # a mean error may be negative
+        read = parsed if names_summary(path) else _not_negative  # a mean error can be negative
         limits = {sign: read(number) for sign, number in given.items()}
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
@@ -381,10 +388,10 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
-    """Return the class, if any, and the value that a path may mean, the likeliest first.
+    """Return the possible meanings of a path, the likeliest first: a class or None, and a value.
 
-    The name of a class may have dots, so the longest tail comes first: ``counts.missed`` before
-    ``missed``.
+    A path with a class can have several meanings, because the name of a class can have dots. The
+    meaning with the longest value comes first: ``counts.missed`` before ``missed``.
     """
     if not path.startswith(BY_CLASS):
         return [(None, path)]
@@ -393,9 +400,9 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
 
 
 def _each(texts: Iterable[str]) -> Iterator[str]:
-    """Yield the rules of lists with commas.
+    """Yield single rules from texts that can have several rules with commas between them.
 
-    Only a comma after the number ends a rule, because the name of a class may have commas.
+    Only a comma after the number ends a rule, because the name of a class can have commas, too.
     """
     for text in texts:
         parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)

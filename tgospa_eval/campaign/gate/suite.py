@@ -26,7 +26,7 @@ OPTION = "--against"
 
 
 class Target:
-    """Reader of the files of the target, by their paths in the working tree.
+    """Target of a gate; its files are read by the paths that they have in the working tree.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Target:
         return not self._with_folders.isdisjoint(_places(path))
 
     def has_another(self, path: str) -> bool:
-        """Return whether the target has other content in this file, or in a file of this folder."""
+        """Return whether the working tree changed or lacks this file, or one in this folder."""
         if self.commit:
             return not self._changed.isdisjoint(_places(path))
         file = os.path.join(self.where, os.path.relpath(_file(path)))
@@ -111,7 +111,7 @@ class Target:
 
     @cached_property
     def _files(self) -> list[str]:
-        """All files of the target, as paths in the working tree."""
+        """Paths that all files of the target have in the working tree."""
         if self.commit:
             tree = ("ls-tree", "-r", "-z", "--name-only", "--full-tree", self.commit)
             return self._listed(*tree)
@@ -125,12 +125,12 @@ class Target:
     def _changed(self) -> set[str]:
         """Files that the working tree changed or lacks, and their folders.
 
-        git compares them, because it knows about line ends and large files in other storage.
+        git compares the files, because it knows about line ends and large files stored elsewhere.
         """
         return _with_folders(self._listed(*DIFF, self.commit))
 
     def _listed(self, *arguments: str) -> list[str]:
-        """Return the paths that a git command lists, as paths in the working tree.
+        """Return the files that a git command lists, by their paths in the working tree.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class Target:
 
 
 def last_change(path: str) -> Target | None:
-    """Return the last commit that changed a file as a target; None without such a commit."""
+    """Return, as a target, the last commit in which a file was changed; None if there is none."""
     commit = _git("log", "-1", "--format=%h", "--", path) if path else None
     return Target(commit.decode().strip()) if commit else None
 
@@ -157,13 +157,13 @@ DIFF = (
 
 
 def _file(path: str) -> str:
-    """Return the file of a path that may name a variable in the file."""
+    """Return the file of a path; for ``FILE.mat:X``, without the variable."""
     named = re.match(WITH_VARIABLES, path)
     return named[1] if named else path
 
 
 def _places(path: str) -> set[str]:
-    """Return the paths of a file: with links as given, and with links resolved."""
+    """Return both absolute paths of a file: as given, and with links resolved."""
     return {os.path.abspath(_file(path)), os.path.realpath(_file(path))}
 
 
@@ -208,12 +208,12 @@ Table: TypeAlias = dict[str, object]
 """Table of a TOML document."""
 
 Rules: TypeAlias = Mapping[str, tuple[str, ...]]
-"""Texts of rules by `RULE_KEYS`."""
+"""Texts of rules, by the keys of `RULE_KEYS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroupTable:
-    """Groups by a pattern, with their rules.
+    """Groups of pairs that one pattern defines, with their rules.
 
     Parameters
     ----------
@@ -254,9 +254,10 @@ def load_suite(
     path : str
         The TOML file.
     known : mapping of str to bool
-        Options that a suite may set, and whether each is a flag.
+        Options that a suite can set, and whether each is a flag.
     target : Target, optional
-        Target that has the suite. A pair whose files only the target has gets a fault.
+        Target from which the suite is read. If only the target has a file of a pair, the pair gets
+        a fault.
 
     Raises
     ------
@@ -307,7 +308,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs; those that match get the rules of the table, merged with their own."""
+    """Return all pairs; those that match a table of limits get its rules, too."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -319,7 +320,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Return the rules with `own` added; rules of ``fail-on`` in `own` replace all earlier ones."""
+    """Add the rules `own` to other rules; those of ``fail-on`` replace the earlier ones instead."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -327,7 +328,10 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 
 
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
-    """Return the groups of a TOML table; each label must be a label of some pair."""
+    """Return the groups that a table of a suite defines.
+
+    Each of their labels must be a label of some pair.
+    """
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
     texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
@@ -348,7 +352,7 @@ def make_group(
     labels: Container[str],
     where: str,
 ) -> GroupTable:
-    """Return groups by a pattern, after checks.
+    """Check a pattern of groups, their rules and settings, and return them.
 
     Raises
     ------
@@ -378,7 +382,12 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
 ) -> Iterator[Job]:
-    """Yield the pairs of a table, one for each file of its patterns; append to the notices."""
+    """Yield the pairs of a table.
+
+    Each truth makes a pair with each combination of the fields that only estimates have, such as
+    ``{tracker}``. `common` has options and rules for all pairs. Notices of skipped files are added
+    to `notices`.
+    """
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
@@ -426,12 +435,13 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Yield pairs with a fault for files of patterns that only the target has."""
+    """Yield a pair with a fault for each file of the patterns that only the target has."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():
         own = patterns.values_of(truth, folder, path)
-        # Without own fields, a lost estimate already shows as a missing file of the truth's pair.
+        # An estimate without fields of its own is expected for each truth. If it is missing, the
+        # pair of this truth shows it.
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
