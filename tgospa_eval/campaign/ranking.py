@@ -430,7 +430,7 @@ def ranking_document(
     ]
     equal = _same(names, digests, costs["total_lower"], costs["total"])
 
-    verdicts, place = _proven(normal, equal)
+    verdicts, place = _proven(roots, equal)
     truth_ids = [item.run["input"]["truth"]["sha256"] for item in entrants[names[0]]]
     totals = _per_truth(
         (costs["total_lower"][ranked], costs["total"][ranked]), truth_ids, np.array(steps, float)

@@ -16,7 +16,16 @@ from hypothesis import strategies as st
 
 from tgospa_eval.campaign import solver_runs
 from tgospa_eval.campaign.solver_runs import contradictions, errors, referee
-from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
+from tgospa_eval.common.interval import (
+    Interval,
+    equal,
+    excess,
+    less,
+    narrowest,
+    overlap,
+    places,
+    verdict,
+)
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.results.records import Json
@@ -58,6 +67,9 @@ def test_places_are_those_that_are_proven() -> None:
     assert places([bracket(1, 1), bracket(2, 2), bracket(1, 1)]) == [(1, 1), (3, 3), (1, 1)]
     assert places([bracket(1, 2), bracket(1, 2)]) == [(1, 2), (1, 2)]
     assert places([bracket(1, 2), bracket(1, 2)], lambda *_: True) == [(1, 1), (1, 1)]
+    # nearer than 1e-9: equal, although one is surely smaller
+    near = bracket(1 - 1e-10, 1 - 1e-10), bracket(1, 1)
+    assert (verdict(*near), places(near)) == ("equal", [(1, 1), (1, 1)])
 
 
 # --- solvers --------------------------------------------------------------------------------------
