@@ -171,8 +171,16 @@ def test_labels_with_commas_and_names_of_columns(invoke: Invoke, runs: Path) -> 
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
-    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
-    assert counts == ["3", "3", "2"]
+    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2)]
+    assert counts == ["3", "3"]
+    part = invoke("batch", "report", "r", "--format", "json").out
+    assert json.loads(part)["expected"] == 8
+    assert "warning: 6 of 8 jobs are done; the same batch command does the others" in part
+    assert invoke("batch", "report", "r").out.startswith("6 of 8 jobs, 0 failed")
+    made = invoke("gate", "r", "--baseline", "b.json", "--update-baseline")
+    assert (made.status, Path("b.json").exists()) == (3, False)
+    assert "warning: r: 6 of 8 jobs are done" in invoke("gate", "r", "r").err
+    assert batch(invoke, "--shard", "3/3").out.split()[0] == "2"
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
     for text in ("4/3", "1", "1/\uff13", "1/1_0"):
         assert "must be K/N" in batch(invoke, "--shard", text).err

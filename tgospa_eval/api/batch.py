@@ -24,6 +24,7 @@ from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_in_words, label_names
 from tgospa_eval.campaign.store import (
+    REST,
     SCHEMA,
     SETTINGS_FILE,
     STORED_CURVE,
@@ -362,7 +363,7 @@ def evaluate_batch(
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open(_record(paths, batch))
+    store.open({**_record(paths, batch), "expected": len(plan.jobs)})
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
@@ -697,10 +698,11 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
         curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
+    settings, unfinished = store.settings(), store.unfinished(len(rows))
     # Without --by there is nothing to compare.
-    settings = store.settings()
     used = settings.get("settings_file")
     notes = (
+        *([f"warning: {unfinished}; {REST}"] if unfinished and batch.shard is None else ()),
         *data_warnings(rows),
         *(note for note in tables.notes if requested or note.startswith("warning: ")),
         *curve_notes,

@@ -35,7 +35,7 @@ from tgospa_eval.campaign.gate.suite import (
 )
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
-from tgospa_eval.campaign.store import SETTINGS_FILE, Store, is_store
+from tgospa_eval.campaign.store import REST, SETTINGS_FILE, Store, is_store
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
@@ -105,7 +105,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _judge_store(gate, truth, estimate)
+        return _judge_store(gate, truth, estimate, notify)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -136,7 +136,9 @@ def judge_all(
     return _with_first_changes(gate, report, pairs, old or {}, path, target)
 
 
-def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
+def _judge_store(
+    gate: GateOptions, first: str, second: str | None, notify: Callable[[str], None]
+) -> Report:
     """Judge the jobs of a store by the jobs of another store or by a baseline file."""
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
@@ -144,6 +146,11 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     folder, baseline = _stores(gate, first, second)
     path = baseline or ""
     table = _stored(folder, path)
+    unfinished = Store(folder).unfinished(len(table))
+    if unfinished and gate.update_baseline:
+        raise InputError(f"{folder}: {unfinished}; {REST}")
+    if unfinished:
+        notify(f"warning: {folder}: {unfinished}; {REST}")
     pairs = [
         Job(
             name=name,

@@ -342,6 +342,11 @@ class BatchTables:
     columns: tuple[str, ...] = ()
 
     @property
+    def expected(self) -> int:
+        """Number of jobs of the whole batch, also of those that are not done."""
+        return max(len(self.rows), int(self.settings.get("expected", 0)))
+
+    @property
     def order(self) -> float | None:
         """Order p, if all jobs have the same."""
         known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
@@ -669,6 +674,7 @@ def batch_json(tables: BatchTables) -> str:
         {
             "schema": "tgospa-eval/batch/1",
             "by": list(tables.by),
+            "expected": tables.expected,
             "groups": _records(tables.groups),
             "ranking": [
                 {**row, **_of_jobs(ranking), "of_jobs": ranking.all_jobs}
@@ -720,8 +726,9 @@ def document(tables: BatchTables) -> table_text.Document:
     """Return the document of the tables by groups and of the rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
+    done = f"{len(rows):,} of " if len(rows) < tables.expected else ""
     return table_text.Document(
-        title=f"{counted(len(rows), 'job')}, {failed} failed",
+        title=f"{done}{counted(tables.expected, 'job')}, {failed} failed",
         lines=[
             *filter(None, [table_text.parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
