@@ -21,6 +21,7 @@ from tgospa_eval.campaign.row import (
     LABEL,
     about_copies,
     covariances_of,
+    label_names,
     pair_numbers,
     run_ids,
     same_data,
@@ -30,7 +31,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import natural, number
+from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.fields import TimeError
@@ -673,9 +674,28 @@ def _ranking(
     if len(names) > MAX_COMPARED:
         yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"
         return
-    common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
-    if not len(common):
+    is_common = part.groupby("_pair")["_pair"].transform("size") == len(names)
+    common, of_labels = part[is_common], pair_numbers(part, [label], truth=False)
+    differing = of_labels[part.groupby(of_labels)["_truth"].transform("nunique") > 1]
+    if len(common) and len(differing):
+        same = part[of_labels == differing.iloc[0]].drop_duplicates("_truth").to_dict("records")
+        having = " and ".join(f"{row['truth']} of {row[column]}" for row in same[:2])
+        yield (
+            f"warning: {counted(differing.nunique(), 'job')} of each {label} cannot be compared, "
+            f"as the truth is not the same: {having}"
+        )
+    if not len(common) and len(differing):
         yield f"{label} is not ranked: no truth has a job for each value of {label}"
+        return
+    if not len(common):
+        rest = [name for name in label_names(part) if name != label]
+        first = part[part[column] == names[0]].iloc[0]
+        known = set(part.loc[part["_pair"] == first["_pair"], column])
+        own = " ".join(f"{name}={first[LABEL + name]}" for name in rest)
+        yield (
+            f"{label} is not ranked: no {' and '.join(rest) or 'job'} has a job for each value of "
+            f"{label}; {names[0]} has {own}, {next(k for k in names if k not in known)} does not"
+        )
         return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
@@ -691,7 +711,7 @@ def _ranking(
         entries=entries,
         comparisons=comparisons,
         jobs=len(common) // len(names),
-        all_jobs=int(part["_pair"].nunique()),
+        all_jobs=int(of_labels.nunique()),
         pairs=count,
         truths=common["_truth"].nunique(),
         permutations=statistics.permutations_of(count),

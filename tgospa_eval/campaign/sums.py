@@ -275,11 +275,12 @@ def _expected(
 
     counts = np.bincount(numbers)
     one_truth = truths(rows).groupby(numbers).nunique().max() == 1
-    pairs = pair_numbers(rows, by, differing, truth=not one_truth).to_numpy()
+    of_labels = pair_numbers(rows, by, differing, truth=False)
+    pairs = of_labels if one_truth else pair_numbers(rows, by, differing)
     size = len(counts) + int(pairs.max()) + 1
-    parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
-    alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
-    return np.maximum(alike, counts)
+    parts = connected_components(numbers.to_numpy(), len(counts) + pairs.to_numpy(), size)
+    alike = of_labels.groupby(parts[numbers]).nunique().reindex(parts[: len(counts)])
+    return np.maximum(alike.to_numpy(), counts)
 
 
 def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:

@@ -927,7 +927,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
             f"{of_expected(row['jobs'], row['expected'])} jobs: the other jobs have no value; "
-            "their costs are missing, so all values look better than they are"
+            "their costs are missing"
         )
         break
     opened = int(tables.groups["open"].sum())
