@@ -244,7 +244,8 @@ def _summed(
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
-    table["open"] = table["jobs"] - own["certified"].sum().reindex(orders.index, fill_value=0)
+    opened = (having["status"] == "open").groupby(numbers).sum()
+    table["open"] = opened.reindex(orders.index, fill_value=0)
     table = table.astype({"jobs": int, "open": int})
     divisors: dict[str, Any] = {
         "combined": 1.0,

@@ -932,14 +932,13 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         break
     opened = int(tables.groups["open"].sum())
     if opened:
-        yield (
-            f"{counted(opened, 'job')} did not reach the requested accuracy: values are between "
-            "the proven bounds"
-        )
+        yield f"{counted(opened, 'job')} did not reach the requested accuracy"
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
         yield "order and places are proven for these files, by the bounds"
-    if opened:
+    certified = tables.rows["certified"].dropna() if "certified" in tables.rows else ()
+    if not all(certified):
+        yield "values are between the proven bounds"
         yield table_text.SPLIT_NOTE
     for population in dict.fromkeys(
         item.population for item in tables.rankings if item.permutations

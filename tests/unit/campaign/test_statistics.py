@@ -473,7 +473,11 @@ def test_a_label_may_be_called_like_a_column() -> None:
 
 
 def test_open_jobs_are_counted() -> None:
-    rows = pd.concat([table({"a": A}, width=1.0, certified=False), table({"b": A})])
-    tables = tabulated(rows.reset_index(drop=True), ["tracker"])
-    assert "8 jobs did not reach the requested accuracy" in words(tables)
-    assert "accuracy" not in words(tabulated(table({"b": A}), ["tracker"]))
+    for status, count in (("open", 8), ("done", 0)):  # a solver may be done without a proof
+        wide = table({"a": A}, width=1.0, certified=False, status=status)
+        rows = pd.concat([wide, table({"b": A})]).reset_index(drop=True)
+        tables = tabulated(rows, ["tracker"])
+        assert tables.groups["open"].tolist() == [count, 0]
+        assert ("8 jobs did not reach the requested accuracy" in words(tables)) is (count > 0)
+        assert "values are between the proven bounds" in words(tables)
+    assert "proven bounds" not in words(tabulated(table({"b": A}), ["tracker"]))
