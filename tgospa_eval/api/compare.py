@@ -583,7 +583,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for path, document in zip(group, documents, strict=True):
             wrong = unlike(document["parameters"], heads[0][0]["parameters"])
             texts = [
-                f"{name} is {one}, not {other}"
+                f"{name} is {one}, but {other} there"
                 for name, one, other in wrong
                 if name not in OF_THE_ESTIMATE
             ]

@@ -414,6 +414,14 @@ def ranking_document(
     for outcomes in zip(*entrants.values(), strict=True):
         both = zip(entrants, outcomes, strict=True)
         wrong = incomparable({f"{name}, {item.path}": item.evaluated_on for name, item in both})
+        of_truth = [item.run["input"]["truth"]["sha256"] for item in outcomes]
+        other = next((k for k, digest in enumerate(of_truth) if digest != of_truth[0]), None)
+        if wrong and other is not None:
+            raise ConfigError(
+                f"no order: the ground truth of {list(entrants)[other]}, {outcomes[other].path}, "
+                f"has other states or ids than that of {outcomes[0].path}; evaluate all estimates "
+                "on the same ground truth"
+            )
         if wrong:
             raise ConfigError(f"no order: {wrong}; {judge_alike()}")
     names, order = list(entrants), parameters["order"]
