@@ -126,6 +126,9 @@ def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
     answer = batch(invoke, "-g", "3")
     assert answer.status == 2
     assert "has a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
+    Path("r/batch.json").write_text("{", encoding="utf-8")
+    broken = batch(invoke)
+    assert (broken.status, "; run batch again, to a new folder\n" in broken.err) == (3, True)
 
 
 def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:
@@ -338,6 +341,7 @@ def test_other_metrics_are_combined_by_their_counts(
     table = invoke("batch", "report", "r", "--by", "tracker").out
     assert "  a        " in table
     assert "best is high: HOTA, DetA, AssA, MOTA, MOTP, IDF1" in table
+    assert re.search(r" GOSPA\n  a +.* 0\.73\n", table)  # the mean of two runs, as in compare
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3

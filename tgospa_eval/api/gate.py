@@ -464,7 +464,10 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     unknown = next((name for name in options if name not in NAMES.values()), None)
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
-        raise InputError(f"{file}: options.{unknown}: is not an option; run batch again")
+        raise InputError(
+            f"{file}: options.{unknown} is not an option of an evaluation; gate takes stores that "
+            "this version of batch made"
+        )
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):

@@ -393,7 +393,7 @@ class Store:
         if self.folder.is_dir() and not path.exists():
             raise InputError(f"{self.folder}: is not a batch: {SETTINGS_FILE} is missing")
         return documents.read_document(
-            str(path), SCHEMA, SETTINGS, remedy="make it again with batch"
+            str(path), SCHEMA, SETTINGS, remedy="run batch again, to a new folder"
         )
 
     def rows(self) -> "pd.DataFrame":

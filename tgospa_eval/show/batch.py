@@ -868,7 +868,11 @@ def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield other metrics of the groups, if requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    other = list(result_text.other_records(rows))
+    means = [  # costs are means over the runs, as in compare
+        {name: own / row["jobs"] if "gospa." in str(name) else own for name, own in row.items()}
+        for row in rows
+    ]
+    other = list(result_text.other_records(means))
     yield from result_text.grouped_table(tuple(heads.values()), names, other, _rivals(tables, rows))
     nees = [NeesSums.of_row(row) for row in rows]
     items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
