@@ -394,19 +394,19 @@ ALIASES = {"c": "cutoff", "p": "order", "g": "switch-penalty", "gamma": "switch-
 """Other names of options on the command line."""
 
 
-def _meant(name: str, options: Collection[str]) -> str | None:
+def _near_option(name: str, options: Collection[str]) -> str | None:
     """Return the option that the name of a column is likely to mean; None if there is none."""
     plain = {re.sub("[-_]", "", key): key for key in sorted(options, reverse=True)}
     text = re.sub(r"[-_\s]", "", name).lower()
     if ALIASES.get(text) in options:
         return ALIASES[text]
     near = (
-        key for key in plain if len(key) > 5 and _one_letter_apart(*sorted((text, key), key=len))
+        key for key in plain if len(key) > 5 and _differ_by_a_letter(*sorted((text, key), key=len))
     )
     return plain.get(text) or next((plain[key] for key in near), None)
 
 
-def _one_letter_apart(short: str, long: str) -> bool:
+def _differ_by_a_letter(short: str, long: str) -> bool:
     """Return whether one letter differs, or is missing in the shorter text; not a plural s."""
     if len(short) == len(long):
         return sum(a != b for a, b in zip(short, long, strict=True)) == 1
@@ -438,10 +438,10 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     if len(rows) == 1:
         raise InputError(f"{path}: has no jobs, only a header; add a line for each job")
     for name in head:
-        meant = None if name in (*PATHS, *options) else _meant(name, options)
-        if meant is not None:
+        near = None if name in (*PATHS, *options) else _near_option(name, options)
+        if near is not None:
             raise InputError(
-                f"{path}, line 1: column {quoted(name)} is not an option; did you mean {meant}? "
+                f"{path}, line 1: column {quoted(name)} is not an option; did you mean {near}? "
                 "For a label, choose a name that is less like an option"
             )
     jobs, faults = [], []

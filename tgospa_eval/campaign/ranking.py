@@ -748,7 +748,7 @@ def _side_by_side(
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
     steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
     runs = common.assign(_run=run_ids(common)).set_index(["_pair", column])["_run"].unstack(column)
-    unit = _units(truth.to_numpy(), runs[list(names)].to_numpy().T.tolist())
+    unit = _units(truth.tolist(), runs[list(names)].to_numpy().T.tolist())
     lower, upper, steps = _per_unit((lower, upper), unit, steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
     return [names[k] for k in best], (lower[best], upper[best], steps)
