@@ -159,6 +159,9 @@ def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
     answer = batch(invoke, "-g", "3")
     assert answer.status == 2
     assert "has a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
+    Path("r/batch.json").write_text("{", encoding="utf-8")
+    broken = batch(invoke)
+    assert (broken.status, "; run batch again, to a new folder\n" in broken.err) == (3, True)
 
 
 def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:
@@ -204,8 +207,16 @@ def test_labels_with_commas_and_names_of_columns(invoke: Invoke, runs: Path) -> 
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
-    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
-    assert counts == ["3", "3", "2"]
+    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2)]
+    assert counts == ["3", "3"]
+    part = invoke("batch", "report", "r", "--format", "json").out
+    assert json.loads(part)["expected"] == 8
+    assert "warning: 6 of 8 jobs are done; the same batch command does the others" in part
+    assert invoke("batch", "report", "r").out.startswith("6 of 8 jobs, 0 failed")
+    made = invoke("gate", "r", "--baseline", "b.json", "--update-baseline")
+    assert (made.status, Path("b.json").exists()) == (3, False)
+    assert "warning: r: 6 of 8 jobs are done" in invoke("gate", "r", "r").err
+    assert batch(invoke, "--shard", "3/3").out.split()[0] == "2"
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
     for text in ("4/3", "1", "1/\uff13", "1/1_0"):
         assert "must be K/N" in batch(invoke, "--shard", text).err
@@ -363,6 +374,7 @@ def test_other_metrics_are_combined_by_their_counts(
     table = invoke("batch", "report", "r", "--by", "tracker").out
     assert "  a        " in table
     assert "best is high: HOTA, DetA, AssA, MOTA, MOTP, IDF1" in table
+    assert re.search(r" GOSPA\n  a +.* 0\.73\n", table)  # the mean of two runs, as in compare
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3

@@ -173,3 +173,11 @@ def test_wrong_usage_of_stores(batch: Invoke, invoke: Invoke) -> None:
     for arguments, message in WRONG:
         answer = invoke("gate", *arguments)
         assert (answer.status, message in answer.err) == (2, True), arguments
+    settings = json.loads(Path("old/batch.json").read_text(encoding="utf-8"))
+    settings["options"]["machine"] = "of a scaling study"
+    Path("old/batch.json").write_text(json.dumps(settings), encoding="utf-8")
+    answer = invoke("gate", "old", "old")
+    assert (answer.status, "gate takes stores that this version of batch made" in answer.err) == (
+        3,
+        True,
+    )

@@ -24,6 +24,7 @@ from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_in_words, label_names
 from tgospa_eval.campaign.store import (
+    REST,
     SCHEMA,
     SETTINGS_FILE,
     STORED_CURVE,
@@ -381,7 +382,7 @@ def evaluate_batch(
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open(_record(paths, batch))
+    store.open({**_record(paths, batch), "expected": len(plan.jobs)})
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
@@ -729,9 +730,10 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
     # Without --by, nobody asked for a comparison: reasons for a missing ranking are not shown.
-    settings = store.settings()
+    settings, unfinished = store.settings(), store.unfinished(len(rows))
     used = settings.get("settings_file")
     notes = (
+        *([f"warning: {unfinished}; {REST}"] if unfinished and batch.shard is None else ()),
         *data_messages(rows),
         *(note for note in tables.notes if requested or note.startswith("warning: ")),
         *curve_notes,

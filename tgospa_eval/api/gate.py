@@ -43,7 +43,7 @@ from tgospa_eval.campaign.gate.suite import (
 )
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
-from tgospa_eval.campaign.store import SETTINGS_FILE, Store, is_store
+from tgospa_eval.campaign.store import REST, SETTINGS_FILE, Store, is_store
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
@@ -115,7 +115,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _said(_judge_store(gate, truth, estimate), notify, stored=True)
+        return _said(_judge_store(gate, truth, estimate, notify), notify, stored=True)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -154,10 +154,13 @@ def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False
     return report
 
 
-def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
+def _judge_store(
+    gate: GateOptions, first: str, second: str | None, notify: Callable[[str], None]
+) -> Report:
     """Judge the jobs of a store by those of another store, or by a baseline file.
 
-    With two stores, `first` has the baseline and `second` is judged.
+    With two stores, `first` has the baseline and `second` is judged. `notify` receives a warning
+    if jobs of a store are not done.
     """
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
@@ -165,6 +168,11 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     folder, baseline = _stores(gate, first, second)
     path = baseline or ""
     table = _stored(folder, path)
+    unfinished = Store(folder).unfinished(len(table))
+    if unfinished and gate.update_baseline:
+        raise InputError(f"{folder}: {unfinished}; {REST}")
+    if unfinished:
+        notify(f"warning: {folder}: {unfinished}; {REST}")
     pairs = [
         Job(
             name=name,
@@ -515,7 +523,10 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     unknown = next((name for name in options if name not in NAMES.values()), None)
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
-        raise InputError(f"{file}: options.{unknown}: is not an option; run batch again")
+        raise InputError(
+            f"{file}: options.{unknown} is not an option of an evaluation; gate takes stores that "
+            "this version of batch made"
+        )
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):

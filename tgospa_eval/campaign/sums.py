@@ -23,11 +23,13 @@ from tgospa_eval.campaign.ranking import rankings
 from tgospa_eval.campaign.row import (
     LABEL,
     STORED_SLICES,
+    about_copies,
     covariances_of,
     in_words,
     job_in_words,
     label_names,
     pair_numbers,
+    run_ids,
     shown_labels,
     truths,
     with_parameters,
@@ -201,8 +203,10 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     shown = zip(by, shown_labels(by, taken), strict=True)
     heads = heads.rename(columns={LABEL + name: head for name, head in shown})
     items: list[Ranking | str] = []
+    for number, runs in run_ids(having).groupby(own):
+        items += map(str, about_copies("/".join(map(in_words, heads.loc[number])), runs))
     if by:
-        items = list(rankings(having, by[0], parameters, filled[LABEL + by[0]].unique()))
+        items += rankings(having, by[0], parameters, filled[LABEL + by[0]].unique())
     return BatchTables(
         rows=rows,
         groups=pd.concat([heads, table, statistics.confidence(having, own, orders)], axis=1),
@@ -242,7 +246,8 @@ def _summed(
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
-    table["open"] = table["jobs"] - own["certified"].sum().reindex(orders.index, fill_value=0)
+    opened = (having["status"] == "open").groupby(numbers).sum()
+    table["open"] = opened.reindex(orders.index, fill_value=0)
     table = table.astype({"jobs": int, "open": int})
     divisors: dict[str, Any] = {
         "combined": 1.0,
@@ -273,11 +278,12 @@ def _expected(
 
     counts = np.bincount(numbers)
     one_truth = truths(rows).groupby(numbers).nunique().max() == 1
-    pairs = pair_numbers(rows, by, differing, truth=not one_truth).to_numpy()
+    of_labels = pair_numbers(rows, by, differing, truth=False)
+    pairs = of_labels if one_truth else pair_numbers(rows, by, differing)
     size = len(counts) + int(pairs.max()) + 1
-    parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
-    alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
-    return np.maximum(alike, counts)
+    parts = connected_components(numbers.to_numpy(), len(counts) + pairs.to_numpy(), size)
+    alike = of_labels.groupby(parts[numbers]).nunique().reindex(parts[: len(counts)])
+    return np.maximum(alike.to_numpy(), counts)
 
 
 def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
@@ -422,7 +428,8 @@ def rms_curves(
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
-            made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
+            shown = band, over, run_ids(group[counts]).nunique()
+            made = _curves(parts[k], jobs, float(first["order"]), shown, about)
             for kind, runs, lines, means, bounds in made:
                 curves.append(
                     RmsCurve(
@@ -451,13 +458,13 @@ def _curves(
     steps: "pd.DataFrame",
     jobs: Ints,
     order: float,
-    shown: tuple[BandKind, str | None],
+    shown: tuple[BandKind, str | None, int],
     notes: list[str],
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
     """Yield the curves of these jobs, and add messages to `notes`.
 
     A curve has its kind, its runs, lines by name, means by name, and bounds of the total, if any.
-    `shown` has the arguments `band` and `over` of `rms_curves`.
+    `shown` has the arguments `band` and `over` of `rms_curves`, and the number of different runs.
     """
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
@@ -588,7 +595,8 @@ class _Runs:
         jobs: Ints,
         order: float,
         band: BandKind,
-        over: str | None = None,
+        over: str | None,
+        different: int,
     ) -> None:
         import pandas as pd
 
@@ -607,7 +615,7 @@ class _Runs:
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
-        self.order, self.band = order, band
+        self.order, self.band, self.different = order, band, different
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
         # Equal times such as 1 and 1.0 are shown in the form of the first run.
@@ -693,7 +701,7 @@ class _Runs:
         `bounds` are lower and upper bounds of the costs, if the costs are not exact.
         """
         band = None
-        if self.count >= MIN_RUNS[self.band] and not self.many:
+        if self.different >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
             typical = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
             for row, there, within in self.cells(carried=carried):

@@ -67,6 +67,12 @@ class Gate(Verb):
                 ctx.meta[TARGET] = Target(where)
         return super().parse_args(ctx, args)
 
+    def uses(self, ctx: click.Context, name: str) -> bool:
+        """Return whether an option applies: those of evaluations do not apply to stores."""
+        from tgospa_eval.campaign.store import is_store
+
+        return name not in NAMES.values() or not is_store(ctx.params["truth"])
+
 
 @click.command(
     "gate",

@@ -213,8 +213,9 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 
 
 NO_RANKING = (
-    (["moved"], "no order: not judged on the same truth (a, a/result.json: 3 "),
-    (["wide"], "a/result.json: cutoff is 6.0, not 5.0; switch_penalty is 2.0, not 1.0"),
+    (["moved"], "no order: the ground truth of moved, moved/result.json, has other states or ids"),
+    (["other"], "than that of a/result.json; evaluate all estimates on the same ground truth\n"),
+    (["wide"], "a/result.json: cutoff is 6.0, but 5.0 there; switch_penalty is 2.0, but 1.0"),
     (["a.csv"], "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
     (["none"], "none: is not a saved result, but a is"),
     (["baseline.json"], "baseline.json: is not a saved result, but a is"),
@@ -228,6 +229,7 @@ NO_RANKING = (
 
 def test_what_cannot_be_ranked(save: Save, write: Write, invoke: Invoke) -> None:
     save("moved", track(0, 1, 0), truth=TRUTH.replace("1,2,0", "1,2,0.5"))
+    save("other", track(0, 1, 0), truth=TRUTH.replace("\n1,", "\n9,"))
     save("wide", track(0, 2, 0), "-c", "6", "-g", "2")
     for name in ("a", "b"):
         save(name, track(0, 1, 0))
@@ -248,6 +250,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
         "no order: not judged on the same steps and truth (a, a/result.json: 3 truth states at 3 "
         "of 3 steps; early, early/result.json: 1 truth state at 1 of 1 step)"
     ) in answer.err
+    assert "common clock" in answer.err
 
 
 NOTICE = {"code": "a", "text": "b", "remedy": "c"}

@@ -315,7 +315,7 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
         "truth,estimate,run\na.mat,a.mat:Y{2},1\na.mat:X,b.mat:Y{1},2\nc.mat,a.mat:Y{1},3\n"
     )
     answer = invoke(*asked, "m.csv", "-o", "m")
-    assert (answer.status, "line 4: there is no file c.mat" in answer.err) == (2, True)
+    assert (answer.status, "line 4: c.mat does not exist" in answer.err) == (2, True)
     answer = invoke(*asked, "m.csv", "-o", "m", "--allow-missing", "--by", "run")
     totals = [group["total"] for group in json.loads(answer.out)["groups"]]
     assert totals == pytest.approx([16, 4])

@@ -250,6 +250,7 @@ def tell_settings(ctx: click.Context) -> None:
         for item in ctx.command.params
         if isinstance(item, Option) and not item.hidden
         if ctx.get_parameter_source(str(item.name)) is ParameterSource.DEFAULT_MAP
+        if not isinstance(ctx.command, Verb) or ctx.command.uses(ctx, str(item.name))
     ]
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
     if not ctx.params["quiet"] or (used.options and not used.named):
@@ -445,6 +446,10 @@ class Verb(click.Command):
         if rest and not ctx.resilient_parsing:
             raise click.UsageError(self._too_many(ctx, rest), ctx)
         return rest
+
+    def uses(self, ctx: click.Context, name: str) -> bool:  # noqa: ARG002
+        """Return whether an option applies to these arguments; stored results stay as they are."""
+        return True
 
     def invoke(self, ctx: click.Context) -> Any:
         """Print where settings come from, and run the verb."""
