@@ -408,7 +408,7 @@ def run_ids(rows: "pd.DataFrame") -> "pd.Series[str]":
     return (truths(rows) + rows[ESTIMATE_DIGEST] + rows["parameters"]).fillna(own)
 
 
-def about_copies(name: str, runs: Iterable[str]) -> Iterator[Notice]:
+def about_copies(name: str, runs: Iterable[object]) -> Iterator[Notice]:
     """Yield a warning if some runs of a tracker are copies; `runs` has the data of each run."""
     copies = sum(count for count in Counter(runs).values() if count > 1)
     if copies:

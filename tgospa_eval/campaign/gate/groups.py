@@ -23,7 +23,6 @@ of a single group.
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -45,6 +44,7 @@ from tgospa_eval.campaign.gate.baseline import (
 from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, MIN_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.suite import GroupTable
+from tgospa_eval.campaign.row import about_copies
 from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
 from tgospa_eval.common.arrays import Floats
@@ -207,11 +207,7 @@ class Group:
             which = "this run" if len(added) == 1 else "these runs"
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs"
             yield Notice(code="not-in-baseline", text=f"{text} judges {which}")
-        runs = Counter(data for scene in self.scenes for data in scene.data[0])
-        copies = sum(count for count in runs.values() if count > 1)
-        if copies:
-            text = f"{copies} runs are copies of one another, with the same truth and estimate"
-            yield Notice(code="copies", text=text, remedy="check the seeds of the runs")
+        yield from about_copies("", (data for scene in self.scenes for data in scene.data[0]))
 
 
 def judge_groups(
