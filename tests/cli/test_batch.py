@@ -134,6 +134,16 @@ def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
     assert "6 jobs of 7 done before" in answer.err
 
 
+@few
+def test_a_tracker_of_which_all_jobs_fail(invoke: Invoke, runs: Path) -> None:
+    for file in Path("out/b").iterdir():
+        file.write_text("hello\n", encoding="utf-8")
+    answer = batch(invoke, "--by", "tracker")
+    assert answer.status == 5
+    assert re.search(r"^  b  +-  +-  +-  +-  +-  +-$", answer.out, re.MULTILINE)
+    assert "nan" not in answer.out + Path("r/report.html").read_text(encoding="utf-8")
+
+
 def test_notices_about_files_are_told_once(
     invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -425,7 +425,7 @@ class BatchTables:
 
     @cached_property
     def shown_groups(self) -> list[Json]:
-        """All groups, in the order of the ranking.
+        """All groups that have a value, in the order of the ranking.
 
         Each has its ``name`` and the index of its colour (``track``). ``jobs`` is the number of
         jobs with a value, and ``expected`` the number of all jobs. ``per_step`` and ``rms`` are
@@ -438,7 +438,7 @@ class BatchTables:
             first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
         shown: list[Json] = []
-        for row in groups.to_dict("records"):
+        for row in (one for one in groups.to_dict("records") if one["jobs"]):
             steps = max(float(row["judged.steps"]), 1.0)
             costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
             shown.append(

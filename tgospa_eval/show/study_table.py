@@ -349,6 +349,8 @@ def costs_table(
             *(between(value.lower, value.upper) for value in (root, row.total)),
             *(number(row.costs[part], 5) for part in PARTS),
         )
+        if math.isfinite(row.total.upper)
+        else (*row.names, *["-"] * (2 + len(PARTS)))
         for row, root in zip(rows, roots, strict=True)
     ]
     return Table(
