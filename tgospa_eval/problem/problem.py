@@ -92,8 +92,8 @@ class Problem:
         Factor of (d / c)^p in the cost of each entry, from `ignore_states`; 0 for an ignored
         object. By default A + B, or 2 min(A, B) with probabilities of existence.
     at_cutoff : int
-        Number of pairs with an ignored object that are so near the cutoff that rounding decides
-        whether they gain.
+        Number of pairs with an ignored object for which rounding of the distance decides whether
+        they gain.
     signed : bool
         Whether gains are allowed to be negative. The certificate does not support such a problem.
     """
