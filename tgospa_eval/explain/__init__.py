@@ -198,9 +198,10 @@ class Trials:
     def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
         """Return masks of the objects and tracks that an edit touches, and of their components.
 
-        The edit touches a component if it changes one of its tracks, or if an added row is near one
-        of its objects. `after` is the estimate after the edit, with R rows. `track` (R,) has the
-        index of the track of each row, from `_numbers`.
+        The edit touches a component if it changes a track of the component. If rows can be new, it
+        is also enough that a changed track is near an object of the component after the edit.
+        `after` is the estimate after the edit, with R rows. `track` (R,) has the index of the track
+        of each row, from `_numbers`.
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)

@@ -50,7 +50,7 @@ class AssignedStretch(NamedTuple):
 
 
 class Track:
-    """Index of the rows of all objects or of all tracks: rows of a track, and row at a step."""
+    """Index of the rows of truth or estimate, to look up all rows of a track, or that of a step."""
 
     def __init__(self, side: Objects, steps: int) -> None:
         self.side, self.steps = side, steps
@@ -223,7 +223,7 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """Return the estimate as read from files, without marks of rows that options added."""
+    """Return the estimate as read from files, without the marks that options added to rows."""
     made = NOT_COUNTED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)

@@ -266,7 +266,7 @@ def _marking(
     Returns
     -------
     request, sides
-        The request and the sides with these changes.
+        The changed request and sides.
     list of str
         Notices about classes to ignore that no row has.
 

@@ -534,7 +534,10 @@ class FilePiece:
         return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
     def where(self, row: int, options: ReadOptions) -> str:
-        """Return the place of a row for messages: file, and row or line. `row` counts as `rows`."""
+        """Return the place of a row for messages: file, and row or line.
+
+        `row` is an index as in `rows`.
+        """
         if not self.text:
             return _row_of(self.file.path, 0, row)
         for rows, first in self.rows(options):

@@ -44,7 +44,7 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Number of ids, or of pairs, that are merged at once. Each time is a pass over all tracks."""
+"""Number of ids, or of pairs, that are merged at once. Each merge is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,7 +171,7 @@ def _near_tracks(
 # Progress of the stages.
 
 OUTWARD = 1e-12
-"""Bounds are widened by this factor for display. It exceeds the rounding of their sums."""
+"""Displayed bounds are widened by this relative amount. It exceeds the rounding of their sums."""
 
 
 SHOWN_FROM = 0.01

@@ -188,7 +188,7 @@ def joined(parts: Sequence[Values]) -> Values:
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """Return the rows with values of those requested attributes that `numbers` does not have."""
+    """Return the rows with their requested attributes, except those that `Rows.numbers` has."""
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}

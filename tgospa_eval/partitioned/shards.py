@@ -178,7 +178,7 @@ def solve_shard(
     problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    if end is not None:  # as precise as the clocks of the machines agree
+    if end is not None:  # its precision depends on the clocks of the machines in a cluster
         solver = replace(solver, time_limit=max(end - time.time(), NO_TIME))
     solution = solver(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)

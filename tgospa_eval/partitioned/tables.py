@@ -1,7 +1,7 @@
 """Tables of a result, written as Parquet in chunks, with one chunk in memory at a time.
 
 A table has the same columns, and rows in the same order, as the CSV file of the same name
-(docs/reference/result-tables.md). The input of this module are arrays of `shards`, with costs in
+(docs/reference/result-tables.md). This module reads arrays that `shards` wrote. They have costs in
 units of c^p, and global numbers of tracks and steps. Tables have the units and names of the user.
 """
 
@@ -175,7 +175,8 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     if names.dtype.kind in "iuf":
         kind = pa.from_numpy_dtype(names.dtype)
     else:
-        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)  # even if empty
+        # The last conversion ensures the type, also if there are no names.
+        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)
         length = np.char.str_len(coded)
         letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
         values = [

@@ -1,4 +1,7 @@
-"""Tasks that write one output each. Work can continue, because finished tasks are skipped."""
+"""Tasks that write one output each.
+
+After an interruption, work continues where it ended: tasks whose output exists are skipped.
+"""
 
 import os
 import shutil
@@ -28,7 +31,7 @@ skips tasks whose output exists."""
 
 
 def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
-    """Do a task, and return the path of its output, and False: its process has not died."""
+    """Do a task; return the path of its output, and False, because its process did not die."""
     output, task = job
     if not os.path.exists(output):
         task(output)

@@ -112,8 +112,8 @@ HALF_WORD = 1 << 31
 do not overflow."""
 
 TERMS_TOGETHER = 64
-"""Number of terms of a cost in one group. The terms of a group are added with rounding, and the
-sums of all groups exactly."""
+"""Number of terms of a cost in one group. The terms of a group are added with rounding. Then the
+sums of the groups are added exactly."""
 
 LARGEST_PRICE = 1e100
 """Largest price that a proof uses; larger prices count as 0."""
@@ -252,9 +252,9 @@ def _bounds_of_prices(
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
-    The best pair of a row at a step is the one with the largest gain minus price. A sum_best adds
-    up these pairs of all rows and steps, and best_i is the value of the best path of row i with the
-    `relative_gains`. No digits cancel: each parenthesis is an exact sum, or a difference of
+    The best pair of a row at a step is the one with the largest gain minus price. "sum_best" is the
+    sum over these pairs, for all rows and steps. best_i is the value of the best path of row i with
+    the `relative_gains`. No digits cancel: each parenthesis is an exact sum, or a difference of
     integers.
 
     `states` has some consecutive blocks of the whole, of which `low` is the first. `objects` has

@@ -52,7 +52,10 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
 
 def _cheapest(problem: Problem) -> Iterator[Ints]:
-    """Yield the entries of a cheapest assignment: all single pairs, then each larger component."""
+    """Yield the entries of a cheapest assignment of all steps.
+
+    The first array has those of all components with one pair. Each other component has its array.
+    """
     rows, columns = problem.truth_row, problem.estimate_row
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))

@@ -38,8 +38,8 @@ class Parameters:
     order : float
         p >= 1: the exponent of all costs. It does not change the base distance.
     switch_penalty : float
-        gamma >= 0: a full track switch costs gamma^p. If it is 0, the total is the sum of the costs
-        of GOSPA over all steps.
+        gamma >= 0: a full track switch costs gamma^p. If gamma is 0, the total is the sum of the
+        GOSPA costs of all steps.
     rho : float
         0 < rho < 1: a false target costs rho c^p, a missed target (1 - rho) c^p. With 1/2 the
         result is the metric, with other values the quasi-metric of Garcia-Fernandez et al. (arXiv
@@ -272,7 +272,8 @@ LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
 range of doubles."""
 
 ROUNDED = 6 * 2.0**-53
-"""Largest relative error that weights add: each number has at most four rounded products."""
+"""Largest relative error by multiplication with weights. Each number has at most four rounded
+products."""
 
 SMALLEST_COST = 1e-300
 """Smallest positive weighted cost, near the smallest double: smaller ones are raised to it."""

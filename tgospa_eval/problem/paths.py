@@ -33,8 +33,8 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     """Return a lower bound of the sum of each part of the values >= 0; part i begins at first[i].
 
     A computed sum of n terms >= 0 is off by at most (n - 1) 2^-53 times the sum, in any order of
-    the terms. Long parts are summed in chunks, and then the sums of the chunks are added. So few
-    terms are added at once.
+    the terms. Long parts are summed in chunks, and then the sums of the chunks are added, so that n
+    is small.
     """
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:

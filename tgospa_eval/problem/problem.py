@@ -176,7 +176,7 @@ class Problem:
 
     @cached_property
     def object_prices(self) -> tuple[float, float] | None:
-        """A and B, if all rows have the same and A + B is exact in doubles; else None."""
+        """A and B, if each has one value for all rows and A + B is exact in doubles; else None."""
         for price in (self.truth_price, self.estimate_price):
             if not len(price) or (price.strides != (0,) and (price != price[0]).any()):
                 return None
@@ -212,9 +212,9 @@ class Problem:
         return self.distance_power[entry]
 
     def mismatch(self, entry: Ints | slice) -> Floats | float:
-        """Return the part |A - B| of the cost that is due to unequal probabilities of existence.
+        """Return the part |A - B| of the cost of entries: that of unequal existence probabilities.
 
-        It is 0 if all objects exist with certainty.
+        It is 0 if no probabilities of existence are used.
         """
         if self.distance_power is None or self.unjudged is not None:
             return 0.0

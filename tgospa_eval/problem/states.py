@@ -104,9 +104,9 @@ class Slots:
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Return a mask of states, or of the chosen states: True if a slot they cover is `marked`.
+        """Return a mask of the states that cover a slot of the mask `marked` (K,).
 
-        `marked` is a mask of slots (K,).
+        With `chosen`, the mask has only elements for these states.
         """
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
@@ -209,7 +209,7 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""Largest number of states of an object that keeps its `rows` after `between` of all blocks."""
+"""Up to this number of states, `States.between` of all blocks returns the object, not a copy."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -460,9 +460,10 @@ def repair(states: States, weights: Floats) -> Ints:
 
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
-    """Write weights to `whole` in units of 1/ONE, clipped to 0 and 1, and set to these if near.
+    """Write weights to `whole`, in units of 1/ONE.
 
-    `whole` may be the memory of `weights`.
+    They are clipped to the range from 0 to 1, and set to 0 or 1 if they are very near. `whole` and
+    `weights` are allowed to share their memory.
     """
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
