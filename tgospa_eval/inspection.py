@@ -11,7 +11,14 @@ from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.distances import DISTANCES, Distance
-from tgospa_eval.evaluation.diagnosis import diagnose, explained, suggest_cutoff, unit_notices
+from tgospa_eval.evaluation.diagnosis import (
+    diagnose,
+    explained,
+    lost_warnings,
+    steps_of,
+    suggest_cutoff,
+    unit_notices,
+)
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.prepare import AlignedPair
@@ -61,7 +68,8 @@ def inspect(
         warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = both = compare(sides, request)
-        notices = [notice for notice in diagnose(sides, request) if notice.code]
+        every = *diagnose(sides, request), *lost_warnings(sides, time_matching)
+        notices = [notice for notice in every if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
             # The distances are not localisation errors: a wrong unit or clock explains them, or
@@ -98,7 +106,9 @@ def describe(path: str, reading: Reading) -> Json:
         "trajectories": len(side.ids),
         "steps": len(side.times),
         "columns": list(side.columns),
-        "headers": dict(reading.headers),
+        "headers": {
+            name: header for name, header in reading.headers.items() if header.casefold() != name
+        },
         "time": _clock(side),
         "length": spread(count),
         "holes": {
@@ -174,20 +184,18 @@ def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
     """Return a comparison of both files: steps, time, clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
-    clock = find_clock(sides.given, parameters, distance, request.recorded)
+    clock = find_clock(sides.given, parameters, distance, request)
     truth, estimate = sides.read
     return {
         "steps": {
-            "union": aligned.union,
-            "common": aligned.common,
+            **steps_of(aligned, request.time_matching),
             "joined": aligned.joined,
-            "counted": len(aligned.truth.times),
         },
         "left_out": {"truth": aligned.left_out[0], "estimate": aligned.left_out[1]},
         "time": _overlap(aligned),
         "clock": None
         if clock is None
-        else {name: value for name, value in asdict(clock).items() if name != "ahead"},
+        else {k: value for k, value in asdict(clock).items() if k not in ("ahead", "cures")},
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)
@@ -360,9 +368,7 @@ def _holes(holes: dict[str, int]) -> str:
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
     """Yield lines on how the files fit. If `warned`, a warning already says that clocks differ."""
     steps = both["steps"]
-    yield in_both(steps["common"], steps["union"]) + (
-        f", {steps['joined']} of them joined" if steps["joined"] else ""
-    )
+    yield in_both(steps) + (f", {steps['joined']} of them joined" if steps["joined"] else "")
     for side, rows in both["left_out"].items():
         if rows:
             yield (

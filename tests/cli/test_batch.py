@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+import pandas as pd
 import pytest
 from answer import Invoke
 from checkout import SAMPLES
@@ -133,11 +134,34 @@ def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
     assert "6 jobs of 7 done before" in answer.err
 
 
+def test_notices_about_files_are_told_once(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for k in (1, 2, 3):
+        Path(f"t{k}.csv").write_text("id;t;x\na;1;0,5\na;2;1,5\n" + "b;2;\n" * k, encoding="utf-8")
+        Path(f"e{k}.csv").write_text("id,t,x\n7,1,0\n7,2,1\n", encoding="utf-8")
+    given = ("batch", "--truth", "t{run}.csv", "--estimate", "e{run}.csv", "-o", "out", "-c", "9")
+    answer = invoke(*given, "--on-duplicate", "first", "--workers", "1")
+    told = "run=1 and 2 more of 3 jobs: truth: read with a decimal comma, as its numbers have it"
+    for text in (answer.err, Path("out/report.html").read_text(encoding="utf-8")):
+        assert text.count(told) == 1
+        assert "truth: 1 row with a blank or NaN position: absent at that step" in text
+    assert told in json.loads(invoke("batch", "report", "out", "--format", "json").out)["notes"]
+    for part in (tmp_path / "out" / "jobs").glob("*.parquet"):  # an older store has no notices
+        pd.read_parquet(part).drop(columns="notices").to_parquet(part)
+    answer = invoke("batch", "report", "out")
+    assert (answer.status, "decimal comma" in answer.out) == (0, False)
+
+
 def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
     batch(invoke)
     answer = batch(invoke, "-g", "3")
     assert answer.status == 2
     assert "has a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
+    Path("r/batch.json").write_text("{", encoding="utf-8")
+    broken = batch(invoke)
+    assert (broken.status, "; run batch again, to a new folder\n" in broken.err) == (3, True)
 
 
 def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:
@@ -183,8 +207,16 @@ def test_labels_with_commas_and_names_of_columns(invoke: Invoke, runs: Path) -> 
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
-    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
-    assert counts == ["3", "3", "2"]
+    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2)]
+    assert counts == ["3", "3"]
+    part = invoke("batch", "report", "r", "--format", "json").out
+    assert json.loads(part)["expected"] == 8
+    assert "warning: 6 of 8 jobs are done; the same batch command does the others" in part
+    assert invoke("batch", "report", "r").out.startswith("6 of 8 jobs, 0 failed")
+    made = invoke("gate", "r", "--baseline", "b.json", "--update-baseline")
+    assert (made.status, Path("b.json").exists()) == (3, False)
+    assert "warning: r: 6 of 8 jobs are done" in invoke("gate", "r", "r").err
+    assert batch(invoke, "--shard", "3/3").out.split()[0] == "2"
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
     for text in ("4/3", "1", "1/\uff13", "1/1_0"):
         assert "must be K/N" in batch(invoke, "--shard", text).err
@@ -342,6 +374,7 @@ def test_other_metrics_are_combined_by_their_counts(
     table = invoke("batch", "report", "r", "--by", "tracker").out
     assert "  a        " in table
     assert "best is high: HOTA, DetA, AssA, MOTA, MOTP, IDF1" in table
+    assert re.search(r" GOSPA\n  a +.* 0\.73\n", table)  # the mean of two runs, as in compare
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3

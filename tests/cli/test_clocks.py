@@ -190,6 +190,26 @@ def test_times_of_day_go_over_midnight(form: str, invoke: Invoke, tmp_path: Path
     assert (document["counts"]["missed"], document["counts"]["false"]) == (24, 0)
 
 
+@pytest.mark.parametrize("date", ["2026-03-0{}", "0{}/03/2026"])
+def test_times_of_day_beside_dates(date: str, invoke: Invoke, tmp_path: Path) -> None:
+    rows = [f"1,{date.format(1 + k)},12:00:{10 * k:02},{10 * k},0\n" for k in range(2)]
+    path = tmp_path / "a.csv"
+    path.write_text("".join(["id,date,time,x,y\n", *rows]))
+    answer = invoke(str(path), str(path), "-c", "5", "-g", "1")
+    text = 'a time of day: "12:00:00"; --truth-columns t=date+time reads it with its date'
+    assert text in answer.err
+    form = () if "-" in date else ("--truth-time-format", "%d/%m/%Y %H:%M:%S")
+    assert ("'%d/%m/%Y %H:%M:%S' reads 2026-03-01" in answer.err) == bool(form)
+    form += tuple(item.replace("truth", "estimate") for item in form)
+    answer = invoke(str(path), str(path), "-c", "5", "-g", "1", "--columns", "t=date+time", *form)
+    assert (answer.status, "2 steps" in answer.out) == (0, True), answer.err
+    table = pd.read_csv(path)
+    with pytest.raises(InputError, match=r"columns=\('t=date\+time',\) reads it with its date"):
+        evaluate(table, table, cutoff=5, switch_penalty=1)
+    with pytest.raises(InputError, match="reads times of day"):
+        evaluate(path, table.assign(date=[[1], [2]]), 5, 2, 1, truth_columns=("t=date+time",))
+
+
 def test_what_is_no_time_of_day(invoke: Invoke, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     for rows in (  # unsorted, a day of two objects one after the other, dates
@@ -239,3 +259,24 @@ def test_steps_that_count_from_another_number_are_told() -> None:
         warnings.simplefilter("error")
         for steps in ("0:3", "1:2", "0:9"):
             evaluate(truth, truth + 0.1, **METRIC, steps=steps)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "form"),
+    [
+        (["20260301120058", "20260301120059", "20260301120100"], "%Y%m%d%H%M%S"),
+        (["20260301120058.5", "20260301120059.5", "20260301120100.5"], "%Y%m%d%H%M%S.%f"),
+        (["20260227", "20260228", "20260301"], "%Y%m%d"),
+        (["20260227", "20260228", "20260229"], ""),  # no such day
+        (["1743674400000", "1743674410500", "1743674411000"], ""),
+    ],
+)
+def test_dates_that_are_numbers(invoke: Invoke, stamps: list[str], form: str) -> None:
+    Path("d.csv").write_text("id,t,x\n" + "".join(f"a,{t},0\n" for t in stamps), encoding="utf-8")
+    ways = [f"--{side}-time-format {form}" for side in ("truth", "estimate")]
+    answer = invoke("d.csv", "d.csv", "--format", "json")
+    assert all((way in answer.err) is bool(form) for way in ways), answer.err
+    if form:
+        answer = invoke("d.csv", "d.csv", *" ".join(ways).split(), "--format", "json")
+        assert (answer.status, "look like dates" in answer.err) == (0, False)
+        assert json.loads(answer.out)["counts"]["missed"] == 0

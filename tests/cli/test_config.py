@@ -362,3 +362,10 @@ def test_every_output_names_the_file(
     assert told in " ".join(
         json.loads(invoke("batch", "report", "store", "--format", "json").out)["notes"]
     )
+    # It sets nothing of stored results, which stay as they are.
+    settings("tgospa-eval.toml", "cutoff = 50\n")
+    saved = str(store / "reports" / "t"), str(store / "reports" / "e")
+    for line in (("batch", "report", "store"), ("gate", "store", "store"), ("compare", *saved)):
+        answer = invoke(*line, "--format", "json")
+        assert "no setting from tgospa-eval.toml" in answer.err, line
+        assert json.loads(answer.out).get("settings_file", {"options": {}})["options"] == {}, line

@@ -426,6 +426,22 @@ def test_a_clock_that_is_ahead_is_seen_in_the_middle(
         assert (said in told) == (side is late)
 
 
+def test_warnings_about_defaults_times_and_units_in_parts(invoke: Invoke, tmp_path: Path) -> None:
+    stamps = [20260301120058 + k for k in (0, 1, 42, 43)]
+    for side, y in (("t", 0), ("e", 50)):
+        (tmp_path / side).mkdir()
+        table = pd.DataFrame({"id": 1, "t": stamps, "x_m": range(4), "y_m": y})
+        table.to_parquet(tmp_path / side / "a.parquet")
+    folders = str(tmp_path / "t"), str(tmp_path / "e")
+    answer = invoke(*folders, "--memory", "1GB", "--jobs", "1", "--format", "json")
+    codes = [one["code"] for one in json.loads(answer.out)["warnings"]]
+    assert {"default-parameters", "calendar-numbers"} <= {*codes}
+    assert codes.count("calendar-numbers") == 2
+    table.rename(columns={"x_m": "x_km"}).to_parquet(tmp_path / "e" / "a.parquet")
+    answer = invoke(*folders, "--memory", "1GB", "--jobs", "1")
+    assert (answer.status, "use --estimate-scale x=1000" in answer.err) == (2, True)
+
+
 def test_wrong_data_leave_no_work(invoke: Invoke, recording: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad"
     bad.mkdir()

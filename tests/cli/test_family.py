@@ -180,6 +180,26 @@ def test_weights_that_leave_nothing(invoke: Run, write: Write, pair: list[str]) 
     assert (answer.status, "all weights of steps are 0" in answer.err) == (2, True)
 
 
+def test_the_weight_0_leaves_out_the_states_of_a_step(invoke: Run, write: Write) -> None:
+    """A tracker that follows one object at all four steps, of which two have the weight 0."""
+    rows = [f"1,{t},{t}" for t in range(4)]
+    truth = write("truth.csv", "\n".join(["id,t,x", *rows]))
+    late = write("estimate.csv", "\n".join(["id,t,x", *(f"{row}.5" for row in rows), "2,1,90"]))
+    weights = write("w.csv", "t,weight\n0,1\n1,0\n2,0\n3,1\n")
+    asked = (truth, late, "-c", "2", "-g", "1", "--step-weights", weights, "--with", "clear,gospa")
+    answer = invoke(*asked, "--format", "json", "-o", "out", "--pictures", "none")
+    assert "2 of 4 steps have the weight 0: their states are left out" in answer.err
+    found = json.loads(answer.out)
+    summary = found["summary"]
+    assert (found["total"], found["counts"]) == (0.5, {"missed": 0, "false": 0, "switch": 0})
+    assert (summary["truth_states"], summary["estimate_states"], summary["unique"]) == (2, 2, True)
+    assert summary["detection_rate"] == summary["precision"] == summary["purity"] == 1
+    assert (summary["fragments"], summary["false_tracks"]) == (0, 0)
+    assert found["judged"]["truth_states"] == 2
+    assert found["with"]["clear"]["MOTA"] == 1
+    assert invoke("gate", truth, late, *asked[2:-2], "-q", "--max", "counts.missed=0").status == 0
+
+
 def test_a_gate_finds_the_weights_beside_its_baseline(
     invoke: Run, write: Write, pair: list[str]
 ) -> None:

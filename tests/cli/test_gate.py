@@ -119,6 +119,29 @@ def test_undecided_inside_the_bracket(gate: Invoke, invoke: Invoke, crowd: tuple
     assert decided.status in (0, 1)
 
 
+@pytest.mark.parametrize("suite", [False, True])
+def test_a_value_inside_the_bracket_of_the_baseline_is_not_better(
+    invoke: Invoke, crowd: tuple[str, str], suite: bool
+) -> None:
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    Path("s.toml").write_text(
+        'baseline = "b.json"\npair = [{truth = "t.csv", estimate = "{seed}.csv"}]\n'
+        '[[group]]\nfail-on = ["total:+0.001%"]\n',
+        encoding="utf-8",
+    )
+    paths = ("--suite", "s.toml") if suite else ("t.csv", "e.csv", "--baseline", "b.json")
+    coarse = ("--solver", "sinkhorn", "--epsilon", "0.5", "-c", "5", "-g", "2")
+    assert invoke("gate", *paths, *coarse, "-q", "--update-baseline").status == 0
+    answer = invoke("gate", *paths, "--solver", "certified", "-q", "--format", "json")
+    said = json.loads(answer.out)
+    (one,) = said["groups"] if suite else said["pairs"]
+    (rule,) = one["rules"]
+    assert (answer.status, rule["upper"] < rule["baseline"] * 0.999) == (0, True)
+    assert (rule["improved"], said["update"]) == (False, "")
+    assert any("not exact" in note and "changes in per cent" in note for note in one["notes"])
+
+
 def test_improvement(gate: Invoke, write: Write) -> None:
     write("e.csv", estimate(0.5))
     answer = gate()

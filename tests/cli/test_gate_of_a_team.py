@@ -230,7 +230,10 @@ def test_runs_that_the_baseline_lacks_count_for_nothing(gate: Invoke) -> None:
     runs(-0.9, 3, seeds=range(6, 16))
     answer = gate("--format", "json")
     assert answer.status == 1
-    assert groups(answer)["all"]["notes"][0].endswith("10 runs, not in the baseline, are left out")
+    ((warning,), none) = (groups(answer)[name]["warnings"] for name in ("slow", "all of {scene}"))
+    assert (warning["code"], none) == ("not-in-baseline", [])
+    assert "slow/6, slow/7, slow/8, slow/9, slow/10 and 5 more: not in the base" in warning["text"]
+    assert "group slow: warning: slow/6" in answer.err
     subprocess.run(["rm", "-r", "data/slow/2"], check=True)
     assert groups(gate("--format", "json"))["slow"]["verdict"] == "not comparable"
 
@@ -402,6 +405,22 @@ def test_the_command_names_a_scene_that_failed_whole_by_a_pattern(gate: Invoke) 
     assert command.endswith("--update-baseline --only 'dense/*' --only 'fast/*'")
 
 
+@pytest.mark.parametrize("lost", ["out/slow/*.csv", "out/*/*.csv", "new\nname"])
+def test_no_command_is_proposed_that_does_not_work(
+    against: Invoke, gate: Invoke, lost: str
+) -> None:
+    for path in Path().glob(lost):
+        path.unlink()
+    if "\n" in lost:
+        for folder in ("data", "out"):
+            Path(folder, "slow").rename(Path(folder, lost))
+    for judged in (against, gate):
+        answer = judged("--format", "json")
+        assert answer.status in (2, 3)
+        assert json.loads(answer.out)["update"] == ""
+        assert "--prune" not in answer.out
+
+
 def test_an_update_says_which_parameter_changed(gate: Invoke) -> None:
     answer = gate("--update-baseline", "--only", "slow/1", "-c", "9")
     assert "slow/1: cutoff is 9.0, was 10.0" in answer.out
@@ -438,6 +457,11 @@ def test_a_baseline_in_conflict_is_resolved_by_an_update_of_some(gate: Invoke, s
     assert said in answer.err
     assert gate("--update-baseline", "--only", "fast/*").status == 2
     assert Path("base.json").read_bytes() == before
+    runs(0.4, 1)  # what this side has already
+    assert gate("--update-baseline", "--only", "slow/2").status == 0
+    assert gate().status != 2
+    Path("base.json").write_bytes(before)
+    runs(0, 1)
     answer = gate("--update-baseline", "--only", "slow/2")
     assert (answer.status, len(entries())) == (0, 15)
     assert gate().status == 0
@@ -946,6 +970,30 @@ def test_wrong_targets_and_what_is_gone(
     answer = gate(*arguments)
     assert answer.status == 2
     assert said in answer.err
+
+
+def test_the_configuration_of_the_branch_hides_no_wrong_target(gate: Invoke) -> None:
+    write("tgospa-eval.toml", 'fail-on = "total:+900%"\n')
+    answer = gate("--against", "main", "--junit", "g.xml")
+    assert answer.status == 2
+    assert '--against "main": this folder is in no git repository' in answer.err
+    assert "fail-on" not in answer.err
+    assert Path("g.xml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--seed-label", "sed"), "--seed-label sed: no pattern of a pair has {sed}"),
+        (("--seed-label", "scene"), '"{scene}" has {scene}, in which its runs differ'),
+        (("--steps", "0..3"), '--steps "0..3": must be FIRST:LAST'),
+    ],
+)
+def test_a_wrong_option_is_said_once(gate: Invoke, arguments: tuple[str, ...], said: str) -> None:
+    answer = gate(*arguments)
+    assert answer.status == 2
+    assert answer.err.count(said) == 1
+    assert len(answer.err.splitlines()) == 1
 
 
 def test_targets_are_for_files(against: Invoke, gate: Invoke, invoke: Invoke) -> None:

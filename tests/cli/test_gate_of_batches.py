@@ -42,7 +42,8 @@ def batch(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, invoke: I
 
 
 def test_the_same_passes_and_a_worse_job_fails(batch: Invoke, invoke: Invoke) -> None:
-    answer = invoke("gate", "old", "old")
+    shutil.copytree("old", "same")
+    answer = invoke("gate", "old", "same")
     assert answer.status == 0
     assert answer.out.startswith("gate: pass (exit status 0): 4 pass")
     Path("out/b/2.csv").write_text(rows(2.5), encoding="utf-8")
@@ -61,12 +62,25 @@ def test_the_same_passes_and_a_worse_job_fails(batch: Invoke, invoke: Invoke) ->
     assert invoke("gate", "new", "--max", "tgospa=5.1").status == 0
 
 
+def test_warnings_of_stored_jobs_are_in_every_output(batch: Invoke, invoke: Invoke) -> None:
+    Path("out/a/1.csv").write_text("id,t,x,y\n", encoding="utf-8")
+    batch("new")
+    said = "a/1: warning: no row of the estimate is evaluated"
+    answer = invoke("gate", "old", "new", "--fail-on", "total:+9999%", "-o", "g", "-q")
+    assert said in answer.err
+    page = Path("g/gate.html").read_text(encoding="utf-8")
+    assert said.replace("warning: ", "") in page
+    answer = invoke("gate", "new", "--baseline", "b.json", "--update-baseline", "-q")
+    assert said in answer.err
+    assert "a/1: misses all ground-truth states" in " ".join(answer.out.split())
+
+
 def test_jobs_that_are_missing_or_failed_do_not_pass(batch: Invoke, invoke: Invoke) -> None:
     Path("out/b/2.csv").unlink()
     batch("fewer", "--allow-missing")
     answer = invoke("gate", "old", "fewer")
     assert answer.status == 2
-    assert "b/2: in the baseline, but not in fewer" in answer.out
+    assert "b/2: in the baseline, but not in fewer\n" in answer.out
     answer = invoke("gate", "fewer", "old")
     assert (answer.status, "b/2: not in fewer" in answer.out) == (2, True)
     Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
@@ -146,7 +160,9 @@ WRONG = (
     (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
     (("old",), "no baseline: give one with --baseline FILE; make one with --update-baseline"),
-    (("old", "old", "--baseline", "b.json"), "name the baseline once"),
+    (("old", "new", "--baseline", "b.json"), "name the baseline once"),
+    (("old", "./old"), "./old: is given twice"),
+    (("old", "--baseline", "old"), "old: is given twice"),
     (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
     (("old", "--update-baseline"), "no baseline: name the file to make"),
     (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
@@ -157,3 +173,11 @@ def test_wrong_usage_of_stores(batch: Invoke, invoke: Invoke) -> None:
     for arguments, message in WRONG:
         answer = invoke("gate", *arguments)
         assert (answer.status, message in answer.err) == (2, True), arguments
+    settings = json.loads(Path("old/batch.json").read_text(encoding="utf-8"))
+    settings["options"]["machine"] = "of a scaling study"
+    Path("old/batch.json").write_text(json.dumps(settings), encoding="utf-8")
+    answer = invoke("gate", "old", "old")
+    assert (answer.status, "gate takes stores that this version of batch made" in answer.err) == (
+        3,
+        True,
+    )

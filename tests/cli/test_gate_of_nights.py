@@ -105,9 +105,68 @@ def test_a_run_without_rows_fails(gate: Invoke) -> None:
     assert gate().status == 1
 
 
-def test_a_run_that_was_dead_before_is_as_ever(gate: Invoke) -> None:
+@pytest.mark.parametrize("others", [[], ["--add"]])
+def test_a_run_that_was_dead_before_is_as_ever_but_no_other_run(
+    gate: Invoke, others: list[str]
+) -> None:
     write("out/a/3.csv", "id,t,x,y\n")
+    answer = gate("--update-baseline", *others)
+    assert answer.status == 0
+    assert "a/3: misses all ground-truth states" in " ".join(answer.out.split())
+    assert gate().status == (1 if others else 0)  # it lived in the first of two nights
+    runs(0, scenes="a", seeds=[3])
+    write("out/a/5.csv", "id,t,x,y\n")
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    note = groups(answer)["a"]["notes"][0]
+    assert "a/5: the tracker failed" in note
+    assert "no living run of scene a in the baseline missed more than 0" in note
+
+
+def test_a_new_run_is_dead_or_only_warned_about(gate: Invoke) -> None:
+    runs(0, scenes="a", seeds=range(1, 8))
+    answer = gate("--format", "json")
+    assert (answer.status, groups(answer)["a"]["warnings"][0]["code"]) == (0, "not-in-baseline")
+    assert "a/7: not in the baseline, so only the rule on dead runs judges this run" in answer.err
+    assert gate("--strict").status == 2
+    write("suite.toml", SUITE.replace("[[group]]", 'max = ["total=0"]\n[[group]]'))
+    (pair,) = (
+        one for one in json.loads(gate("--format", "json").out)["pairs"] if one["name"] == "a/7"
+    )
+    assert pair["verdict"] == "fail"
+    write("suite.toml", SUITE)
+    write("out/a/7.csv", "id,t,x,y\n")
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    assert groups(answer)["a"]["notes"][0].startswith("a/7: the tracker failed")
+
+
+def test_copies_of_a_run_infer_nothing(gate: Invoke) -> None:
+    def copied(factor: float) -> None:
+        runs(0, scenes="a", seeds=[1], spread=0, factor=factor)
+        for path in ("data/a/{}/truth.csv", "out/a/{}.csv"):
+            for seed in range(2, 7):
+                shutil.copy(path.format(1), path.format(seed))
+
+    copied(1)
     assert gate("--update-baseline").status == 0
+    copied(1.1)
+    found = groups(gate("--format", "json"))
+    ((warning,), (rule,)) = (found["a"][name] for name in ("warnings", "rules"))
+    assert (warning["code"], "6 runs are copies" in warning["text"]) == ("copies", True)
+    assert (rule["verdict"], "inference" in rule) == ("fail", False)
+    (rule,) = found["all of {scene}"]["rules"]
+    assert rule["inference"]["runs"] == 13
+
+
+def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
+    for folder in ("data/a", "out/a"):
+        shutil.rmtree(folder)
+    runs(0, scenes="a", seeds=range(11, 16))
+    answer = gate("--format", "json")
+    assert answer.status == 2
+    assert "5 runs, but 6 in the baseline, with other seeds" in groups(answer)["a"]["notes"][0]
+    runs(0, scenes="a", seeds=range(11, 17))
     assert gate().status == 0
 
 

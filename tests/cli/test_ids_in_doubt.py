@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from answer import Invoke
 
-from tgospa_eval import TgospaWarning, evaluate
+from tgospa_eval import TgospaWarning, evaluate, read_trajectories
 
 METRIC = ("-c", "20", "-g", "5")
 
@@ -116,6 +116,35 @@ def test_ids_of_rows(invoke: Invoke) -> None:
     assert total(invoke(truth, spots, *METRIC, *remedy)) == 0
 
 
+@pytest.mark.parametrize("other", ["track_id", "tracker_id", "track", "object_id"])
+@pytest.mark.parametrize("ids", ["rows", "pieces", "tracks", "none"])
+def test_an_id_beside_another_id(invoke: Invoke, other: str, ids: str) -> None:
+    rows = [(t, k) for t in range(6) for k in ((1, 2) if t in (1, 2) else (2, 1))]
+    truth = write("truth.csv", ["id,t,x,y", *(f"{k},{t},{50 * k + t},0" for t, k in rows)])
+    number = [
+        {"rows": n % 2, "pieces": t // 2 * 2 + k, "tracks": k, "none": 0}[ids]
+        for n, (t, k) in enumerate(rows)
+    ]
+    lines = [f"{t},{n},{k + 10},{50 * k + t},0" for n, (t, k) in zip(number, rows, strict=True)]
+    estimate = write("estimate.csv", [f"t,id,{other},x,y", *lines])
+    answer = invoke(truth, estimate, *METRIC)
+    remedy = f"--estimate-columns id={other}"
+    text = f'ids of "id" may number rows: "{other}" has other tracks; {remedy}'
+    if ids == "none":
+        assert f'{remedy} reads the ids of "{other}"' in answer.err
+    else:
+        assert f'id is read from "id", not from "{other}"; {remedy} reads that' in answer.err
+        assert (text in answer.err) == (total(answer) > 0) == (ids != "tracks")
+    answer = invoke(truth, estimate, *METRIC, *remedy.split())
+    assert (total(answer), "may number" in answer.err) == (0, False)
+    if ids == "rows":
+        table = pd.read_csv(estimate).assign(**{"class": [[1]] * len(rows)})
+        with pytest.warns(TgospaWarning, match="may number rows"):
+            evaluate(truth, table, cutoff=20, switch_penalty=5)
+        table[other] = [[1]] * len(rows)
+        assert evaluate(truth, table, cutoff=20, switch_penalty=5).total > 0
+
+
 NUMBERS = {
     "obsmat": ("{t}e0 {k}e0 {x} 0 {y} 1.5 0 0.1", "t,id,x,-,y"),
     "speeds": ("{t} {k} {x} {y} 1.5 0.1", "t,id,x,y"),
@@ -191,6 +220,31 @@ def test_rows_of_no_track_that_repeat(invoke: Invoke, name: str) -> None:
     assert total(invoke(truth, estimate, *METRIC, "--estimate-where", f"id != {name}")) == 0
 
 
+@pytest.mark.parametrize("separator", [",", " "])
+def test_ids_that_a_spreadsheet_rounded(invoke: Invoke, separator: str) -> None:
+    rows = [f"2.19E+08,{t},{t},{k}" for k in (0, 50) for t in range(k, k + 3)]
+    path = write("ships.csv", [line.replace(",", separator) for line in ("mmsi,t,x,y", *rows)])
+    text = 'id "2.19E+08" has lost digits, as in spreadsheets, so several objects may share it'
+    assert f"{text}; write all digits of the ids" in invoke(path, path, *METRIC).err
+    at_once = [*rows, "2.19E+08,1,900,0"]
+    path = write("ships.csv", [line.replace(",", separator) for line in ("mmsi,t,x,y", *at_once)])
+    answer = invoke(path, path, *METRIC)
+    assert (answer.status, text in answer.err, "duplicate first" in answer.err) == (3, True, False)
+    exact = write("exact.csv", ["id,t,x,y", "1.000e+03,0,0,0", "4E1234,0,9,0", "1e5,0,5,0"])
+    assert "lost digits" not in invoke(exact, exact, *METRIC).err
+
+
+@pytest.mark.parametrize("form", ["csv", "visdrone"])
+def test_detections_with_classes(invoke: Invoke, form: str) -> None:
+    rows = [f"{t},0,{60 * k},{t},50,40,1,{k},0,0" for t in range(1, 9) for k in (1, 4)]
+    header = ["frame,id,left,top,width,height,conf,class,v,w"] if form == "csv" else []
+    path = write("a.csv", header + rows)
+    answer = invoke(path, path, *METRIC, "--truth-format", form, "--estimate-format", form)
+    assert answer.status == 3
+    assert 'nearly every id is "0", as in detections, but TGOSPA compares tracks' in answer.err
+    assert "class+id" not in answer.err
+
+
 def test_ids_before_frames(invoke: Invoke) -> None:
     def lines(shift: int) -> list[str]:
         return [
@@ -208,10 +262,40 @@ def test_ids_before_frames(invoke: Invoke) -> None:
     assert "exchanged" not in answer.err
 
 
+@pytest.mark.parametrize("header", ["", "a b x y"])
+def test_times_before_ids(invoke: Invoke, header: str) -> None:
+    rows = [f"{t} {k} {20 * k + t} {5 * k}" for t in range(6) for k in (1, 2)]
+    path = write("rows.txt", [*([header] if header else []), *rows])
+    if not header:
+        answer = invoke("inspect", path)
+        assert "order of the file with --columns t,id,x,y (" in answer.err
+        swapped = write("swapped.txt", ["{1} {0} {2} {3}".format(*row.split()) for row in rows])
+        assert "order of the file with --columns id,t,x,y (" in invoke("inspect", swapped).err
+    wrong, right = ("id=a,t=b", "id=b,t=a") if header else ("id,t,x,y", "t,id,x,y")
+    answer = invoke(path, path, *METRIC, "--columns", wrong)
+    assert f"may be swapped; --truth-columns {right} reads them so" in answer.err
+    answer = invoke(path, path, *METRIC, "--columns", right)
+    assert (total(answer), "swapped" in answer.err) == (0, False)
+    assert "6 steps" in answer.out
+    with pytest.warns(TgospaWarning, match="may be swapped"):
+        read_trajectories(path, columns=tuple(wrong.split(",")))
+
+
 @pytest.mark.parametrize(
     ("header", "row", "said"),
     [
         ("t,id,x,y", "1 sec,a,2,3", "write the number alone, 1, and the unit in the header"),
+        ("1;1;10;20;30;40", "2;1;10;20;30;40", "or separate the fields by blanks and name the f"),
+        ("1,1,Car," + 14 * "0,", "", "or separate the fields by blanks and name the format"),
+        ("1,1,1.5,20", "", "or name the format (--truth-format"),
+        ("t,id,x,y", "1s,a,2,3", "write the number alone, 1, and the unit in the header"),
+        ("t;id;x;y", "1;a;1,234.5;3", '"1,234.5"; write it without thousands separators'),
+        ("t;id;x;y", "1;a;1.000.000,5;3", "write it without thousands separators"),
+        ("t;id;x;y", "1;a;1 000,5;3", "write it without thousands separators"),
+        ("t,id,x,y", "1,a,−5,3", "; write -5"),
+        ("t,id,x,y", "1,a,0x10,3", "; write 16"),
+        ("t,id,x,y", "1,a,4D-1,3", "; write 4e-1"),
+        ("t,id,x,y", "1,a,1_000,3", "; write 1000"),
         ("t,id,lat,lon", "1,a,55.1N,12.5E", "write degrees north and east, 55.1"),
         ("t,id,lat,lon", "1,a,55.1S,12.5W", "write degrees north and east, -55.1"),
         ("t,id,x,y", "23:59:58,a,2,3", "'%H:%M:%S' with --truth-time-format"),

@@ -188,8 +188,71 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
 def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
     files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv")
     earth = ("--distance", "geodesic", "--columns", "lat,lon,alt", "-c", "300", "-g", "100")
-    assert "or use --estimate-scale alt=3.2808" in invoke(*files, *earth).err
+    assert "or use --truth-scale alt=0.3048\n" in invoke(*files, *earth).err
     assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
+
+
+@pytest.mark.parametrize("header", ["alt", "altitude", "hae", "z"])
+@pytest.mark.parametrize("role", ["truth", "estimate"])
+def test_feet_are_converted_to_metres_without_named_columns(
+    invoke: Any, header: str, role: str
+) -> None:
+    rows = [f"1,{k},50,{8 + k / 1000}" for k in range(12)]
+    for name, height in (("feet", 32808.4), ("metres", 10030)):
+        text = "\n".join((f"id,t,lat,lon,{header}", *(f"{row},{height}" for row in rows)))
+        Path(f"{name}.csv").write_text(text)
+    files = ("feet.csv", "metres.csv") if role == "truth" else ("metres.csv", "feet.csv")
+    metric = ("--distance", "geodesic", "-c", "500", "-g", "100")
+    assert f"or use --{role}-scale alt=0.3048\n" in invoke(*files, *metric).err
+    for name in ("alt", header):
+        answer = invoke(*files, *metric, f"--{role}-scale", f"{name}=0.3048")
+        assert "TGOSPA = 103.922" in answer.out
+
+
+def test_a_remedy_for_axes_units_or_a_zone_works(invoke: Any) -> None:
+    """A sensor with ranges in kilometres, exchanged headers, or coordinates of a projection."""
+    pyproj = pytest.importorskip("pyproj")
+
+    def write(name: str, header: str, rows: Any) -> str:
+        lines = (f"{k},{t},{','.join(map(str, row))}" for (k, t), row in rows.items())
+        Path(name).write_text("\n".join((f"id,t,{header}", *lines)))
+        return name
+
+    polar = {(k, t): (r + 50 * t, b) for t in range(9) for k, r, b in ((1, 5e3, 30), (2, 9e3, 200))}
+    earth = {}
+    for key, (length, bearing) in polar.items():
+        lon, lat, _ = pyproj.Geod(ellps="WGS84").fwd(12, 55, bearing, length)
+        earth[key] = (lat, lon, 900.0)
+    truth = write("earth.csv", "Lat,Lon,Height", earth)
+    here = ("-c", "200", "-g", "100", "--origin", "55,12", "--estimate-crs", "range,bearing")
+    km = write("km.csv", "range,bearing", {key: (r / 1000, b) for key, (r, b) in polar.items()})
+    answer = invoke(truth, km, *here)
+    assert "in kilometres instead of metres; with range of the" in answer.err
+    assert "use --unit-scale 1000\n" in answer.err
+    assert "100 % of 18" in invoke(truth, km, *here, "--unit-scale", "1000").out
+    flat = write("flat.csv", "range,bearing", {key: (r, 90 - b) for key, (r, b) in polar.items()})
+    assert invoke(truth, flat, *here).err.endswith("write both files in the same axes\n")
+    up = {key: (*row, 4.0) for key, row in polar.items()}
+    slant = write("slant.csv", "range,bearing,elevation", up)
+    assert "--estimate-columns range,bearing leaves them out" in invoke(truth, slant, *here).err
+    assert invoke(truth, slant, *here, "--estimate-columns", "range,bearing").status == 0
+    high = {key: (lon, lat, 1200.0) for key, (lat, lon, _) in earth.items()}
+    swapped = write("swapped.csv", "Lat,Lon,Height", high)
+    metric = ("-c", "500", "-g", "100", "--distance", "geodesic")
+    named = "lat=Lon,lon=Lat,alt=Height"
+    assert f"swap the headers with --estimate-columns {named}\n" in (
+        invoke(truth, swapped, *metric).err
+    )
+    answer = invoke(truth, swapped, *metric, "--estimate-columns", named)
+    assert "RMS error 300," in answer.out
+    zone = pyproj.Transformer.from_crs(4326, 32633, always_xy=True)
+    utm = write(
+        "utm.csv", "x,y", {k: zone.transform(lon, lat) for k, (lat, lon, _) in earth.items()}
+    )
+    answer = invoke(truth, utm, *metric[:4])
+    assert "--estimate-crs EPSG:32633 and --distance geodesic" in answer.err
+    answer = invoke(truth, utm, *metric, "--estimate-crs", "EPSG:32633")
+    assert "100 % of 18 object-steps" in answer.out
 
 
 def test_north_and_east_that_are_swapped_get_the_axes_that_are_right() -> None:
@@ -354,7 +417,10 @@ def test_heights_of_both_sides_take_part() -> None:
     partly = higher.assign(altitude=[1.0, np.nan, 2.0])
     result = evaluate(truth, partly, distance="geodesic", **metric)
     assert (result.total, result.evaluated_on.truth_states) == (0, 3)
-    assert any("estimate has 1 row without heights (altitude)" in text for text in result.notices)
+    codes = {notice.code: notice.text for notice in result.warnings}
+    assert "(altitude) are left out: estimate has 1 row without" in codes["heights-left-out"]
+    notice, *_ = evaluate(truth, flat, distance="geodesic", **metric).warnings
+    assert "truth_columns=('lat', 'lon') leaves them out" in notice.remedy
 
 
 def test_estimates_in_unlike_frames_clocks_and_units_are_ranked(invoke: Any) -> None:

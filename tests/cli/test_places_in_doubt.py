@@ -77,6 +77,22 @@ def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image
     assert "drop" not in answer.err
 
 
+def test_boxes_of_minus_1_beside_a_place_in_space(invoke: Invoke) -> None:
+    for name, shift in (("gt", 0), ("res", 0.5)):
+        rows = [(t, k, *[-1] * 4, 1, 9 * k + shift, t, 0) for t in (1, 2) for k in (1, 2)]
+        write(f"{name}.txt", "", rows)
+    answer = invoke("gt.txt", "res.txt", "-c", "5", "-g", "1")
+    assert "res.txt: left, width, top, height: the same in all rows" in answer.err
+    assert value(answer) == pytest.approx(1)
+    assert value(invoke("gt.txt", "res.txt", "-c", "5", "-g", "1", "--columns", "x,y,z")) == 1
+    for more in (("--columns", "x,y"), ("--distance", "iou")):
+        answer = invoke("gt.txt", "res.txt", "-c", "0.5", "-g", "0.1", *more)
+        assert "-1 is not a width of a box" in answer.err
+    write("none.txt", "", [(t, 1, *[-1] * 4, 1, *[-1] * 3) for t in (1, 2)])
+    answer = invoke("gt.txt", "none.txt", "-c", "5", "-g", "1")
+    assert 'none.txt, line 1, column "width": -1 is not a width of a box' in answer.err
+
+
 def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     """A single object that does not move, without another place, is no doubt."""
     write("a.csv", "id,t,x,y", [(1, t, 3, 4) for t in range(5)])

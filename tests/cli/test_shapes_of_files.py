@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shlex
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -273,6 +274,10 @@ def test_a_folder_of_tables_without_ids_has_an_object_a_file(invoke: Invoke) -> 
     assert 'est, ship 2.csv, line 2, column "x": not a number: "far"' in answer.err
     write("est/ship 2.csv", "time;name;x;y\n0;7;1;1\n")  # a name may be an id
     assert "est: is a folder, not a file" in invoke("gt", "est").err
+    write("est.csv", "ID,time,x,y\n1,0,1,1\n")
+    answer = invoke("gt", "est.csv", "--estimate-format", "csv-per-object")
+    text = "est.csv: a file of one object has no column id; use the format csv"
+    assert (answer.status, answer.err.strip()) == (3, text)
     os.mkfifo("gt/pipe.csv")  # which nobody waits for
     assert folder_format("gt") == ""
 
@@ -365,6 +370,16 @@ def coco(side: str, **image: Any) -> dict[str, Any]:
     return {"images": images, "annotations": annotations, "categories": []}
 
 
+def test_marks_of_coco(invoke: Invoke) -> None:
+    truth = coco("gt", frame_id=lambda t: t)
+    for k, one in enumerate(truth["annotations"]):
+        one |= {"iscrowd": k % 2, "ignore": 0}
+    write("t.json", json.dumps(truth))
+    answer = invoke("t.json", "t.json", "-c", "5", "-g", "2", "--truth-where", "iscrowd == 0")
+    rows = len(truth["annotations"]) // 2
+    assert f"t.json: {rows} rows left out by --truth-where" in answer.err
+
+
 def test_coco(invoke: Invoke) -> None:
     both("{}.json", lambda side: json.dumps(coco(side, frame_id=lambda t: t)))
     write("res.json", json.dumps(coco("est")["annotations"]))
@@ -428,6 +443,30 @@ def test_a_spreadsheet(monkeypatch: pytest.MonkeyPatch, invoke: Invoke) -> None:
     assert "2 tables (one, two); save one as CSV" in invoke("inspect", "a.xlsx").err
 
 
+@pytest.mark.parametrize(
+    ("cell", "is_known"),
+    [
+        ('<c r="C2"><f>A2+1</f><v></v></c>', False),
+        ('<c r="C2" s="1"><f>A2+1</f><v/></c>', False),
+        ('<c r="C2"><f ca="1">A2+1</f></c>', False),
+        ('<c r="C2"><f>A2+1</f><v>3</v></c>', True),
+        ('<c r="C2" t="str"><f>A2</f><v></v></c>', True),  # a blank text
+        ('<c r="B2" s="1"/><c r="C2"><v>3</v></c>', True),
+    ],
+)
+def test_formulas_of_a_spreadsheet(
+    monkeypatch: pytest.MonkeyPatch, invoke: Invoke, cell: str, is_known: bool
+) -> None:
+    with zipfile.ZipFile("a.xlsx", "w") as file:
+        file.writestr("[Content_Types].xml", "<Types/>")
+        file.writestr("xl/worksheets/sheet1.xml", f"<sheetData><row>{cell}</row></sheetData>")
+    table = pd.DataFrame({"id": ["a"], "t": [0], "x": [None]})
+    monkeypatch.setattr(pd, "read_excel", lambda *_, **__: {"one": table})
+    answer = invoke("inspect", "a.xlsx")
+    message = "a.xlsx, cell C2: a formula without its value"
+    assert (answer.status == 3, message in answer.err) == (not is_known, not is_known)
+
+
 def test_tracks_of_napari(invoke: Invoke) -> None:
     write("gt.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("gt"))
     write("est.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("est"))
@@ -435,3 +474,41 @@ def test_tracks_of_napari(invoke: Invoke) -> None:
     np.save("a.npy", np.zeros((6, 4)))
     with pytest.raises(InputError, match=r'columns=\["id", "t", "y", "x"\]'):
         read("a.npy", ReadOptions())
+
+
+def vis(*, hidden: str = "", mark: str = "0,1") -> str:
+    """Return a table of one object that `hidden` hides at a third of the steps."""
+    off, on = mark.split(",")
+    place = ("{t},{t}", hidden or "{t},{t}")
+    rows = [
+        f"1,{t},{off if t % 3 == 0 else on},{place[t % 3 == 0].format(t=t + 5)}" for t in range(9)
+    ]
+    return "\n".join(("id,frame,HEADER,x,y", *rows)) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "truth", "estimate", "way"),
+    [
+        ("visibility", vis(), vis(hidden="0,0"), "--estimate-where 'visibility > 0'"),
+        (
+            "visible",
+            vis(),
+            vis(hidden="-1,-1", mark="False,True"),
+            "--estimate-where 'visible == True'",
+        ),
+        ("visibility", vis(), vis(), ""),  # hidden objects with known positions
+        ("conf", vis(), vis(), "--truth-where 'conf > 0'"),
+        ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--truth-where 'iscrowd == 0'"),
+    ],
+)
+def test_flags_of_rows_that_may_not_count(
+    invoke: Invoke, header: str, truth: str, estimate: str, way: str
+) -> None:
+    for name, table in (("t.csv", truth), ("e.csv", estimate)):
+        write(name, table.replace("HEADER", header))
+    answer = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json")
+    assert ("leaves them out" in answer.err) is bool(way), answer.err
+    assert f"{way} leaves them out" in answer.err or not way
+    if way:
+        done = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json", *shlex.split(way))
+        assert f"3 rows left out by {way.split()[0]}" in done.err

@@ -212,17 +212,44 @@ def test_large_coordinates_are_told(invoke: Invoke, write: Write) -> None:
     assert "are 1.2e-07 apart: digit 8 of the total" in warning["text"]
 
 
+@pytest.mark.parametrize(
+    ("numbers", "apart"),
+    [(("1e16", "10000000000000003"), "2"), (("9007199254740992", "9007199254740993"), "2")],
+)
+def test_integers_that_no_double_holds_are_told(
+    invoke: Invoke, write: Write, numbers: tuple[str, str], apart: str
+) -> None:
+    for name, number in zip(("t.csv", "e.csv"), numbers, strict=True):
+        write(name, f"id,t,x\na,0,{number}\na,1,{number}\n")
+    told = invoke("t.csv", "e.csv", "-c", "10", "-g", "1").err
+    assert f"are {apart} apart: finer digits of coordinates are lost" in told
+    assert "exactly the states" not in told
+
+
 def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> None:
-    rows = "".join(f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3))
-    for name in ("t.csv", "e.csv"):
-        write(name, f"id,t,x,y,class\n{rows}")
-    assert invoke("t.csv", "e.csv", "--by", "class", "-o", "r", "--proof", "-q").status == 0
+    rows = [f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3)]
+    for name, own in (("t.csv", rows), ("e.csv", rows[:1] + rows[2:])):
+        write(name, f"id,t,x,y,class\n{''.join(own)}")
+    asked = ("--by", "class", "--resample", "1", "--max-gap", "2")  # one period for all classes
+    assert invoke("t.csv", "e.csv", *asked, "-o", "r", "--proof", "-q").status == 0
     assert invoke("verify", "r", "t.csv", "e.csv").status == 0
     for path in Path("r/proof/bus").iterdir():
         path.unlink()
     answer = invoke("verify", "r")
     assert answer.status == 1
     assert "r: there is no proof of the class 'bus'" in answer.err
+    car = Path("r/proof/car/proof.json")
+    document = json.loads(car.read_text())
+    for changes in ({"classes": ["car"]}, {"classes": []}, {"class": "tram"}):
+        car.write_text(json.dumps(document | changes))
+        answer = invoke("verify", "r/proof/car", "t.csv", "e.csv")
+        assert answer.status == 1
+        assert "classes: are" in answer.err or changes.get("class")  # its tables differ
+    assert invoke("t.csv", "e.csv", "-o", "s", "--proof", "-q").status == 0
+    whole = Path("s/proof/proof.json")
+    whole.write_text(json.dumps(json.loads(whole.read_text()) | {"classes": ["bus", "car"]}))
+    answer = invoke("verify", "s", "t.csv", "e.csv")
+    assert (answer.status, "must be of []" in answer.err) == (1, True)
 
 
 def test_scenes_in_which_nothing_of_a_side_is_judged(invoke: Invoke, write: Write) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,86 @@ def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
     assert (answer.status, "its outages are not counted here" in answer.err) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("second", "clock"),
+    [
+        *((name, {"grid": grid}) for name in "12" for grid in ("estimate", "common")),
+        ("1", {"interpolate": "truth", "max_gap": 10}),
+        ("2", {"interpolate": "truth", "max_gap": 60}),
+    ],
+)
+def test_time_without_a_true_object_is_no_outage(second: str, clock: dict[str, Any]) -> None:
+    """One object with a gap or two objects: a tracker with a period of 4 misses nothing."""
+    truth = table({("1" if t < 60 else second, t): t for t in (*range(52), *range(101, 151))})
+    stamps = (*range(0, 49, 4), *range(104, 149, 4))
+    estimate = {("a" if t < 60 else f"a{second}", t): t + 0.5 for t in stamps}
+    result = evaluate(truth, table(estimate), **METRIC, **clock)
+    assert (result.counts["missed"], "outage" in str(result.warnings)) == (0, False)
+    dead = {key: x for key, x in estimate.items() if not 36 < key[1] < 128}
+    result = evaluate(truth, table(dead), **METRIC, **clock)
+    assert result.counts["missed"] == (51 - 36) + (128 - 101)
+    assert "1 outage of total length 42;" in str(result.warnings)
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+@pytest.mark.parametrize("outage", [None, "none"])
+def test_reports_between_the_times_of_the_truth_are_no_outage(
+    grid: str, outage: str | None
+) -> None:
+    """The remedy is the one that works: with it half of the objects are followed."""
+    clock: dict[str, Any] = {"grid": grid, "outage": outage}
+    lone = {("late", 3.0): 3.0}  # else a common grid without outages would be empty
+    own = {("1", t): t for t in range(10)} | {("2", t): t + 200 for t in range(10)}
+    late = {("a", t + 0.25): t + 0.5 for t in range(10)}
+    result = evaluate(table(own), table(late | lone), **METRIC, **clock)
+    remedy = 'use interpolate="truth" max_gap=5: 9 states of the estimate in outages are then'
+    assert remedy.replace("9", "7") in str(result.warnings)
+    found = evaluate(table(own), table(late), **METRIC, interpolate="truth", max_gap=5)
+    assert found.summary["detection_rate"] == 0.5
+    if outage is None:
+        result = evaluate(table(own), table(late), **METRIC, **clock)
+        assert remedy in str(result.warnings)
+        far = dict.fromkeys(late, -500.0)
+        result = evaluate(table(own), table(far), **METRIC, **clock)
+        assert ("outage of" in str(result.warnings), "use " in str(result.warnings)) == (
+            True,
+            False,
+        )
+
+
+@pytest.mark.parametrize(
+    ("swapped", "clock", "remedy"),
+    [
+        (False, {"resample": 1, "max_gap": "10,5"}, {"resample": 1, "max_gap": "30,5"}),
+        (False, {"interpolate": "truth", "max_gap": 10}, {"interpolate": "truth", "max_gap": 30}),
+        (
+            True,
+            {"interpolate": "estimate", "max_gap": 10},
+            {"interpolate": "estimate", "max_gap": 30},
+        ),
+        (True, {"grid": "truth"}, {"grid": "union"}),
+    ],
+)
+def test_a_track_that_the_clock_leaves_out_is_told(
+    swapped: bool, clock: dict[str, Any], remedy: dict[str, Any]
+) -> None:
+    ships = {("1", t): t for t in range(0, 101, 5)}
+    ships |= {("2", t + 0.5): t + 500 for t in (0, 30, 60, 90)}
+    sides = table(ships), table({("a", t): t + 0.5 for t in range(0, 99, 2)})
+    sides = sides[::-1] if swapped else sides
+
+    def warned(clock: dict[str, Any]) -> list[str]:
+        found = evaluate(*sides, **METRIC, **clock)
+        return [str(notice) for notice in found.warnings if notice.code == "not-evaluated"]
+
+    noun = "estimates" if swapped else "ground-truth objects"
+    (text,) = warned(clock)
+    assert f"1 of 2 {noun} has no state at a step that counts, so it costs nothing: id 2" in text
+    name, value = list(remedy.items())[-1]
+    assert f"{name}={value}" in text.replace('"', "")
+    assert not warned(remedy)
+
+
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
     dead = value(invoke("truth.csv", "dead.csv", *clock))
@@ -226,6 +307,34 @@ def test_declared_steps_count_whether_something_exists_or_not() -> None:
     tenths = table({("a", k / 10): 0.0 for k in range(11)})
     exact = evaluate(tenths, tenths, **METRIC, steps="0:1:0.1")
     assert (exact.judged["truth_states"], exact.total) == (11, 0)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "options", "text"),
+    [
+        ("e", {"steps": "0:100"}, "101 steps count: 10 with states of the truth, 5 of the est"),
+        ("e", {"resample": 1, "period": 1}, "10 steps count: 10 with states of the truth, 5 of t"),
+        ("e", {"resample": 1}, "the truth, 9 of the estimate, 9 of both"),
+        ("none", {"resample": 1}, "the truth, 0 of the estimate, 0 of both"),
+        ("e", {"interpolate": "estimate"}, "the truth, 9 of the estimate, 9 of both"),
+        ("e", {}, "5 of 10 steps are in both files"),
+    ],
+)
+def test_how_many_steps_have_states(estimate: str, options: dict[str, Any], text: str) -> None:
+    """Of a declared clock, no step is in a file: it has states or not."""
+    whole = table({("a", t): float(t) for t in range(10)})
+    side = whole[whole["t"] % 2 == 0] if estimate == "e" else whole[:0]
+    gap = {} if "steps" in options or not options else {"max_gap": 2}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = evaluate(whole, side, **METRIC, **options, **gap)
+    assert text in " ".join(found.notices)
+
+
+def test_inspect_counts_the_steps_with_states(files: Path, invoke: Invoke) -> None:
+    truth().to_csv("t.csv", index=False)
+    answer = invoke("inspect", "t.csv", "t.csv", "--steps", "0:100")
+    assert "101 steps count: 31 with states of the truth, 31 of the estimate" in answer.out
 
 
 def test_a_range_of_time_takes_its_part_of_declared_steps(files: Path, invoke: Invoke) -> None:

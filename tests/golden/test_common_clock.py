@@ -222,3 +222,20 @@ def test_the_cases_that_were_wrong() -> None:
         evaluate(truth, clean, **metric | {"resample": 3})
     held = evaluate(truth, clean, **metric | {"resample": 3}, period=3)
     assert held.parameters["period"] == 3
+
+
+def test_classes_have_the_period_of_the_whole_estimate() -> None:
+    """A class with few reports is judged with the period of all reports."""
+    times = np.arange(41.0)
+    rows = [
+        pd.DataFrame({"id": name, "t": own, "x": own, "y": y, "class": name})
+        for name, own, y in (("car", times, 0.0), ("van", times, 50.0), ("van", times[::10], 50.0))
+    ]
+    truth, estimate = pd.concat(rows[:2]), pd.concat([rows[0], rows[2]])
+    metric = {"cutoff": C, "switch_penalty": GAMMA, "resample": 1, "max_gap": 2}
+    whole = evaluate(truth, estimate, **metric)
+    for given in ({}, {"period": 1}):
+        result = evaluate(truth, estimate, **metric, by="class", **given)
+        assert result.missed == whole.missed == 36 * C**2 / 2
+        periods = [part.parameters["period"] for part in (result, *result.results.values())]
+        assert periods == [1, 1, 1]

@@ -24,6 +24,7 @@ from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.pairs import BatchPlan, Job
 from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_in_words, label_names
 from tgospa_eval.campaign.store import (
+    REST,
     SCHEMA,
     SETTINGS_FILE,
     STORED_CURVE,
@@ -31,7 +32,7 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.sums import check_labels, data_warnings, rms_curves, tabulated
+from tgospa_eval.campaign.sums import check_labels, data_messages, rms_curves, tabulated
 from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
@@ -381,7 +382,7 @@ def evaluate_batch(
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open(_record(paths, batch))
+    store.open({**_record(paths, batch), "expected": len(plan.jobs)})
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
@@ -399,7 +400,9 @@ def evaluate_batch(
     done = rows[rows["status"] != "failed"] if len(rows) else rows
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
     faults = list(_faults(rows, failed, written=batch.reports))
-    notices = [*(note for note in tables.notes if note.startswith("warning: ")), *_left_out(done)]
+    about_data = {*data_messages(rows)}
+    notices = [note for note in tables.notes if note in about_data or note.startswith("warning: ")]
+    notices += _left_out(done)
     if nothing and nothing == len(done):
         faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
     elif nothing and not faults:
@@ -727,10 +730,11 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
     # Without --by, nobody asked for a comparison: reasons for a missing ranking are not shown.
-    settings = store.settings()
+    settings, unfinished = store.settings(), store.unfinished(len(rows))
     used = settings.get("settings_file")
     notes = (
-        *data_warnings(rows),
+        *([f"warning: {unfinished}; {REST}"] if unfinished and batch.shard is None else ()),
+        *data_messages(rows),
         *(note for note in tables.notes if requested or note.startswith("warning: ")),
         *curve_notes,
         *([str(SettingsFile(**used))] if used else ()),

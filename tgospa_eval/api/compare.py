@@ -37,7 +37,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import Runs, TrajectoriesLike, is_path, runs_of
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.quoting import option, quoted
-from tgospa_eval.results.consistency import ABOUT_COVARIANCES
+from tgospa_eval.results.consistency import ABOUT_THE_ORDER
 from tgospa_eval.results.records import Columns, Json
 from tgospa_eval.results.saved import (
     MADE_BY,
@@ -343,7 +343,7 @@ def compare(
         request = settings.evaluation
         document, entrants = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
         warnings = (Notice(**record) for record in document["warnings"])
-        notices += (notice for notice in warnings if notice.code in ABOUT_COVARIANCES)
+        notices += (notice for notice in warnings if notice.code in ABOUT_THE_ORDER)
     warn_user(notices)
     return Compared(document=document, entrants=entrants)
 
@@ -605,7 +605,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for path, document in zip(group, documents, strict=True):
             wrong = unlike(document["parameters"], heads[0][0]["parameters"])
             texts = [
-                f"{name} is {one}, not {other}"
+                f"{name} is {one}, but {other} there"
                 for name, one, other in wrong
                 if name not in OF_THE_ESTIMATE
             ]

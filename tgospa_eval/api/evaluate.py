@@ -12,7 +12,7 @@ from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import natural, parsed_size
+from tgospa_eval.common.words import parsed_size
 from tgospa_eval.distances import Resources
 from tgospa_eval.errors import MemoryTooSmallError
 from tgospa_eval.evaluation.pair import add_up
@@ -21,6 +21,7 @@ from tgospa_eval.evaluation.prove import nested_timings, prove
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import is_path
+from tgospa_eval.formats.reading import classes_in
 from tgospa_eval.results.records import Json
 
 if TYPE_CHECKING:
@@ -313,12 +314,11 @@ def evaluate_pair(
 
 def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
     """Evaluate each class, and add up the results."""
-    # Some distances take settings from the data: here from the data of all classes together.
-    request = replace(sides.request, distance=sides.fitted.distance)
+    request = sides.fitted.of_parts(sides.request)
     truth, estimate = sides.read
     read_s = stopwatch.elapsed()
     results = {}
-    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
+    classes = classes_in(sides.read)
     for number, name in enumerate(classes):
         part = stopwatch.beside()
         with stopwatch.progress.part(f"class {name}", number, len(classes)):

@@ -117,7 +117,8 @@ class Evaluations:
         values = [row["normalised.tgospa"] for row in self.rows]
         return (
             f"{counted(len(self), 'pair')}, {proven:,} proven exact: TGOSPA per step "
-            f"{min(values):.4g} to {max(values):.4g}, mean {sum(values) / len(values):.4g}"
+            f"{'at most ' * (proven < len(self))}{min(values):.4g} to {max(values):.4g}, "
+            f"mean {sum(values) / len(values):.4g}"
         )
 
     __repr__ = __str__

@@ -32,7 +32,7 @@ from tgospa_eval.campaign.gate.baseline import (
 )
 from tgospa_eval.campaign.gate.options import GateOptions
 from tgospa_eval.campaign.gate.outcome import Report
-from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
+from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record, title
 from tgospa_eval.campaign.gate.rules import OF_NEES, Verdict
 from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
@@ -43,7 +43,7 @@ from tgospa_eval.campaign.gate.suite import (
 )
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
-from tgospa_eval.campaign.store import SETTINGS_FILE, Store, is_store
+from tgospa_eval.campaign.store import REST, SETTINGS_FILE, Store, is_store
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
@@ -115,7 +115,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _judge_store(gate, truth, estimate)
+        return _said(_judge_store(gate, truth, estimate, notify), notify, stored=True)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -143,13 +143,24 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
-    return _with_first_changes(gate, report, pairs, old or {}, path, target)
+    return _said(_with_first_changes(gate, report, pairs, old or {}, path, target), notify)
 
 
-def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
+def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
+    """Return the report, after warnings of groups and stored jobs, which no evaluation printed."""
+    for one in report.outcomes:
+        for warning in one.warnings if stored or one.group else ():
+            notify(f"{title(one)}: {warning}")
+    return report
+
+
+def _judge_store(
+    gate: GateOptions, first: str, second: str | None, notify: Callable[[str], None]
+) -> Report:
     """Judge the jobs of a store by those of another store, or by a baseline file.
 
-    With two stores, `first` has the baseline and `second` is judged.
+    With two stores, `first` has the baseline and `second` is judged. `notify` receives a warning
+    if jobs of a store are not done.
     """
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
@@ -157,6 +168,11 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     folder, baseline = _stores(gate, first, second)
     path = baseline or ""
     table = _stored(folder, path)
+    unfinished = Store(folder).unfinished(len(table))
+    if unfinished and gate.update_baseline:
+        raise InputError(f"{folder}: {unfinished}; {REST}")
+    if unfinished:
+        notify(f"warning: {folder}: {unfinished}; {REST}")
     pairs = [
         Job(
             name=name,
@@ -473,6 +489,11 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
         raise ConfigError(f"{option(typed[0])}: not for stores, which are compared as they are")
     if gate.sources.get("suite") == "commandline":
         raise ConfigError(f"give a store or {option('suite')}, not both")
+    other = second or gate.baseline
+    if other and os.path.realpath(other) == os.path.realpath(first) and not gate.update_baseline:
+        raise ConfigError(
+            f"{other}: is given twice; name the store to judge, and another as the baseline"
+        )
     if second is None:
         return first, gate.baseline
     if gate.strong("baseline"):
@@ -502,7 +523,10 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     unknown = next((name for name in options if name not in NAMES.values()), None)
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
-        raise InputError(f"{file}: options.{unknown}: is not an option; run batch again")
+        raise InputError(
+            f"{file}: options.{unknown} is not an option of an evaluation; gate takes stores that "
+            "this version of batch made"
+        )
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):
@@ -639,7 +663,7 @@ def gate(
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group above its limit fails even if its seeds may be the reason.
+        Whether a group fails that has new runs, or whose seeds may be why it is above its limit.
 
     Options that are not given come from the suite or the baseline, else they have the defaults of
     `evaluate`. Options of a suite must be texts or numbers. Objects such as distances, matrices and

@@ -270,8 +270,8 @@ class Request(Values):
     )
     unit_scale: float = _files(
         "--unit-scale FACTOR",
-        "Factor of the state columns of ESTIMATE, except --periodic ones, with covariances and "
-        "particles: 1000 converts kilometres to metres.",
+        "Factor of the state columns of ESTIMATE, except angles (--periodic, bearing, elevation), "
+        "with covariances and particles: 1000 converts kilometres to metres.",
         default=1.0,
     )
     truth_crs: str | None = _files(
@@ -333,8 +333,8 @@ class Request(Values):
     )
     class_: str | None = _filters(
         "--class A[,B]",
-        "Only rows of these classes, in each file that has classes. Upper and lower case are "
-        "alike unless both occur.",
+        "Only rows of these classes, in each file that has classes. Upper and lower case, and 1 "
+        "and 01, are alike unless both occur.",
     )
     truth_class: str | None = _one_side(_filters, "--truth-class A[,B]")
     estimate_class: str | None = _one_side(_filters, "--estimate-class A[,B]")

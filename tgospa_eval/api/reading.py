@@ -19,7 +19,14 @@ from tgospa_eval.evaluation.request import MOT_METRICS, EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, objects, read
 from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
-from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
+from tgospa_eval.formats.reading import (
+    by_one_place,
+    check_classes,
+    check_units,
+    in_one_clock,
+    in_one_spelling,
+    with_heights,
+)
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.quoting import listed, option
 
@@ -275,10 +282,12 @@ def read_pair(
         side.
     """
     names = display_names(given, names or roles)
+    whole = given
     given = tuple(objects.with_plain_axes(*both) for both in zip(given, names, strict=True))
     if advise:
         check_places(names)
     sides = _read(resolved, given, roles, names, mapping, known)
+    sides = tuple(objects.with_units(*both) for both in zip(sides, whole, strict=True))
     if len(sides) == len(ROLES):
         sides = _brought_together(resolved, sides, names, given)
     if resolved.coverage is not None:
@@ -350,8 +359,9 @@ def _brought_together(
     """Convert truth and estimate to the same units, clock and frame."""
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
-    sides = in_one_clock(sides)
-    truth, estimate = sides
+    truth, estimate = sides = in_one_clock(sides)
+    if resolved.reading.by_class:
+        sides = truth, estimate = truth, in_one_spelling(truth, estimate)
     if resolved.frames is not None:
         both = truth.trajectories, estimate.trajectories
         *placed, warning = resolved.frames.joined(both, names)
@@ -463,6 +473,8 @@ def check_sides(
     for name in sides[0].missing:
         if all(name in side.missing for side in sides):
             raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
+    scales = [(one.unit_scale != 1, dict(one.scale)) for one in resolved.conversions]
+    check_units(sides, paths, lambda k, name: scales[k][0] or name in scales[k][1])
     check_classes(sides, paths, resolved.reading.classes, resolved.each)
     filters = {"time", "class", "region", "where"}
     if not any(side.taken for side in sides) and any(
@@ -492,4 +504,9 @@ def align_sides(
     if not resolved.allow_empty:
         kept = sum(len(side.step) for side in fitted.axis.sides)
         check_left(request.time_matching, kept, fitted.axis.left_out)
-    return fitted, request
+    same = [
+        option(f"{role}_columns", f"t={other.headers['t']}")
+        for role, side, other in zip(ROLES, sides, sides[::-1], strict=True)
+        if other.headers.get("t") in side.unused
+    ]
+    return replace(fitted, headers=sides[1].headers, same_header=next(iter(same), "")), request

@@ -16,9 +16,10 @@ from tgospa_eval.evaluation.request import (
     chosen_parameters,
 )
 from tgospa_eval.formats import ROLES, ReadOptions
-from tgospa_eval.formats.headers import columns_of_each, parse_columns
+from tgospa_eval.formats.headers import HEADER_ALIASES, columns_of_each, parse_columns
 from tgospa_eval.formats.objects import as_step_weights
 from tgospa_eval.formats.options import parse_steps, parse_time_range, parse_where
+from tgospa_eval.formats.roles import OF_HEIGHTS
 from tgospa_eval.quoting import option, surface
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Calibration
@@ -26,6 +27,7 @@ from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion, signed_seconds
+from tgospa_eval.tracks.trajectories import HEIGHT
 from tgospa_eval.tracks.weights import EXISTENCE
 
 if TYPE_CHECKING:
@@ -187,8 +189,8 @@ def _resolved(options: Request) -> ResolvedRequest:
     parameters, defaults = chosen_parameters(
         measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
     )
-    conversions = _conversions(options, measure)
     frames = _frames(options, measure)
+    conversions = _conversions(options, measure, frames)
     if frames is not None and ignoring is not None and ignoring.regions is not None:
         placed = replace(ignoring.regions, origin=frames.begin)
         ignoring = replace(ignoring, regions=placed)
@@ -278,19 +280,30 @@ def _reading(
     )
 
 
-def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion, Conversion]:
+def _conversions(
+    options: Request, measure: DistanceOptions, frames: "Frames | None"
+) -> tuple[Conversion, Conversion]:
     """Return the conversions of timestamps and states of truth and estimate."""
+    on_earth = [measure.named.on_earth] * 2
+    if frames is not None:
+        on_earth = [frame.kind == "earth" for frame in frames.frames]
+    scales = [
+        tuple(
+            (HEIGHT if known and name.casefold() in HEADER_ALIASES[HEIGHT] else name, value)
+            for name, value in numbers_by_name(f"{role}_scale", given).items()
+        )
+        for role, given, known in zip(
+            ROLES, (options.truth_scale, options.estimate_scale), on_earth, strict=True
+        )
+    ]
     of_estimate = Conversion(
         time_offset=signed_seconds(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
-        scale=tuple(numbers_by_name("estimate_scale", options.estimate_scale).items()),
+        scale=scales[1],
     )
-    of_truth = Conversion(
-        scale=tuple(numbers_by_name("truth_scale", options.truth_scale).items()),
-        scale_option="truth_scale",
-    )
+    of_truth = Conversion(scale=scales[0], scale_option="truth_scale")
     if measure.is_record and of_estimate.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
             f"{option('time')} and {option('region')} do not work with a converted estimate and a "
@@ -509,10 +522,12 @@ def _each(
     is_named = any(parse_columns(names)[1] for names in (shared_columns, own[0][0], own[1][0]))
     on_earth = measure.named.on_earth or frames is not None
     framed = (None, None) if frames is None else frames.frames
+    scaled = {name for conversion in conversions for name, _ in conversion.scale}
+    heights = "tell" if scaled.isdisjoint(OF_HEIGHTS.values()) else "use"
     truth, estimate = (
         replace(
             reading,
-            heights="tell" if on_earth and not is_named else "",
+            heights=heights if on_earth and not is_named else "",
             fault=reading.fault if frame is None else frame.fault,
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),

@@ -388,6 +388,8 @@ class Result(Showable, PairEvaluation):
     def gradient(self) -> "Gradient":
         """Return the derivatives of the cost by estimated states, cutoff and switch penalty.
 
+        States are those that are evaluated, after scales, conversions and interpolation.
+
         The assignment is kept as reported (envelope theorem). If the optimal assignment is unique,
         these are the derivatives of the metric. Otherwise each is one of several directional
         derivatives. `Gradient.unique` is true if the assignment is proven to be unique.

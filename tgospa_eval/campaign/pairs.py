@@ -205,7 +205,7 @@ def of_patterns(
             continue
         theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
         if not _is_there(theirs_truth, inside):
-            faults.append(f"{whole}: ground truth {theirs_truth} does not exist")
+            faults.append(f"{whole}: ground truth {_why_absent(theirs_truth)}")
             continue
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
@@ -231,6 +231,12 @@ def _is_there(path: str, inside: patterns.Inside) -> bool:
 
 def _has_data(path: str) -> bool:
     return os.path.isfile(path) or folder_format(path) != ""
+
+
+def _why_absent(path: str) -> str:
+    """Return a path, and why it has no data for a job."""
+    why = "is a folder; batch takes files" if os.path.isdir(path) else "does not exist"
+    return f"{path} {why}"
 
 
 def of_layout(
@@ -384,6 +390,29 @@ def _words(path: str) -> list[list[str]]:
     return [line.replace(",", " ").split() for line in decode(load(path), path).split("\n")]
 
 
+ALIASES = {"c": "cutoff", "p": "order", "g": "switch-penalty", "gamma": "switch-penalty"}
+"""Other names of options on the command line."""
+
+
+def _near_option(name: str, options: Collection[str]) -> str | None:
+    """Return the option that the name of a column is likely to mean; None if there is none."""
+    plain = {re.sub("[-_]", "", key): key for key in sorted(options, reverse=True)}
+    text = re.sub(r"[-_\s]", "", name).lower()
+    if ALIASES.get(text) in options:
+        return ALIASES[text]
+    near = (
+        key for key in plain if len(key) > 5 and _differ_by_a_letter(*sorted((text, key), key=len))
+    )
+    return plain.get(text) or next((plain[key] for key in near), None)
+
+
+def _differ_by_a_letter(short: str, long: str) -> bool:
+    """Return whether one letter differs, or is missing in the shorter text; not a plural s."""
+    if len(short) == len(long):
+        return sum(a != b for a, b in zip(short, long, strict=True)) == 1
+    return f"{short}s" != long and short in {long[:k] + long[k + 1 :] for k in range(len(long))}
+
+
 def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     """Make a job from each row of a manifest, a table with paths, labels and options.
 
@@ -406,19 +435,32 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     head, folder = rows[0], os.path.dirname(path)
     if len(set(head)) < len(head):
         raise InputError(f"{path}, line 1: a column name is a duplicate")
+    if len(rows) == 1:
+        raise InputError(f"{path}: has no jobs, only a header; add a line for each job")
+    for name in head:
+        near = None if name in (*PATHS, *options) else _near_option(name, options)
+        if near is not None:
+            raise InputError(
+                f"{path}, line 1: column {quoted(name)} is not an option; did you mean {near}? "
+                "For a label, choose a name that is less like an option"
+            )
     jobs, faults = [], []
     for line, row in zip(lines[1:], rows[1:], strict=True):
         if len(row) != len(head):
             raise InputError(f"{path}, line {line}: {len(row)} fields, the header has {len(head)}")
         values = dict(zip(head, row, strict=True))
         job = Job(
-            labels={name: text for name, text in values.items() if name not in (*PATHS, *options)},
+            labels={
+                name: text.strip()
+                for name, text in values.items()
+                if name not in (*PATHS, *options)
+            },
             truth=os.path.join(folder, values["truth"]),
             estimate=os.path.join(folder, values["estimate"]),
             options={name: text for name, text in values.items() if name in options and text},
         )
         absent = [name for name in (job.truth, job.estimate) if not _has_data(file_of(name))]
-        faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
+        faults += [f"{path}, line {line}: {_why_absent(name)}" for name in absent]
         if not absent:
             jobs.append(job)
     keys = set()

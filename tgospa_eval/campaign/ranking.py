@@ -19,16 +19,19 @@ from tgospa_eval.campaign import SCHEMA, statistics
 from tgospa_eval.campaign.row import (
     ESTIMATE_DIGEST,
     LABEL,
+    about_copies,
     covariances_of,
+    label_names,
     pair_numbers,
+    run_ids,
     same_data,
     truths,
 )
-from tgospa_eval.common.arrays import Floats, Mask
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import natural, number
+from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.fields import TimeError
@@ -40,6 +43,7 @@ from tgospa_eval.problem.gospa import (
     partners,
     per_step_gospa,
 )
+from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import option
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import (
@@ -53,7 +57,7 @@ from tgospa_eval.results.records import (
     Time,
     outward,
 )
-from tgospa_eval.results.saved import of_metric
+from tgospa_eval.results.saved import OF_THE_ESTIMATE, of_metric
 from tgospa_eval.results.summary import SUMMARY, flat, pooled
 from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.result_text import COMPARED
@@ -236,7 +240,7 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
     parts: Json = {name: getattr(result, name) for name in PARTS}
     return RunOutcome(
         path=path,
-        run=_run(result.total_bounds, parts, result.solver, result.input),
+        run=_run(result.total_bounds, parts, result.solver, result.input, result.settings),
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         timestamps=timestamps,
@@ -249,7 +253,13 @@ def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: b
     )
 
 
-def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
+def _run(
+    bounds: tuple[float, float],
+    parts: Json,
+    solver: Json,
+    sides: object,
+    settings: Mapping[str, object],
+) -> Json:
     """Return the record of a run for the JSON document."""
     return {
         "total": bounds[1],
@@ -258,6 +268,7 @@ def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) 
         "status": solver["status"],
         "finished": bool(solver["finished"]),
         "input": sides,
+        "parameters": {name: settings[name] for name in OF_THE_ESTIMATE if name in settings},
     }
 
 
@@ -279,6 +290,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
         order, steps = document["parameters"]["order"], document["per_step"]
+        solver = document["solver"]
         # A document has bounds of the root. Their powers, rounded outward, bound the total.
         bounds = (
             outward(document["lower_bound"] ** order, -1),
@@ -287,7 +299,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
         outcomes.append(
             RunOutcome(
                 path=path,
-                run=_run(bounds, document, document["solver"], document["input"]),
+                run=_run(bounds, document, solver, document["input"], document["parameters"]),
                 counts=document["counts"],
                 steps={name: np.array([step[name] for step in steps], float) for name in PARTS},
                 timestamps=own,
@@ -410,6 +422,14 @@ def ranking_document(
     for outcomes in zip(*entrants.values(), strict=True):
         both = zip(entrants, outcomes, strict=True)
         wrong = incomparable({f"{name}, {item.path}": item.evaluated_on for name, item in both})
+        of_truth = [item.run["input"]["truth"]["sha256"] for item in outcomes]
+        other = next((k for k, digest in enumerate(of_truth) if digest != of_truth[0]), None)
+        if wrong and other is not None:
+            raise ConfigError(
+                f"no order: the ground truth of {list(entrants)[other]}, {outcomes[other].path}, "
+                f"has other states or ids than that of {outcomes[0].path}; evaluate all estimates "
+                "on the same ground truth"
+            )
         if wrong:
             raise ConfigError(f"no order: {wrong}; {judge_alike()}")
     names, order = list(entrants), parameters["order"]
@@ -426,15 +446,23 @@ def ranking_document(
     )
     ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
     digests = [
-        [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
+        [f"{item.run['input']['estimate']['sha256']} {item.run['parameters']}" for item in runs]
+        for runs in entrants.values()
     ]
     equal = _same(names, digests, costs["total_lower"], costs["total"])
 
-    verdicts, place = _proven(normal, equal)
+    verdicts, place = _proven(roots, equal)
     truth_ids = [item.run["input"]["truth"]["sha256"] for item in entrants[names[0]]]
-    totals = _per_truth(
-        (costs["total_lower"][ranked], costs["total"][ranked]), truth_ids, np.array(steps, float)
+    totals = _per_unit(
+        (costs["total_lower"][ranked], costs["total"][ranked]),
+        _units(truth_ids, digests),
+        np.array(steps, float),
     )
+    copies = [
+        notice
+        for name, own in zip(names, digests, strict=True)
+        for notice in about_copies(name, map("".join, zip(truth_ids, own, strict=True)))
+    ]
     estimates = []
     for k in ranked:
         runs = entrants[names[k]]
@@ -452,6 +480,7 @@ def ranking_document(
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
         change, count = upper[b] - upper[a], len(steps)
+        different = len({*zip(truth_ids, digests[a], digests[b], strict=True)})
         # Steps whose costs differ by rounding alone are neither better nor worse.
         clear = EQUAL * np.concatenate([np.maximum(own[a], own[b]) for own in of_steps])
         more = np.concatenate([own[b] - own[a] for own in of_steps])
@@ -469,7 +498,9 @@ def ranking_document(
                 },
                 "per_run": {
                     "mean": float(change.mean()),
-                    "standard_error": float(change.std(ddof=1) / count**0.5) if count > 1 else None,
+                    "standard_error": (
+                        float(change.std(ddof=1) / count**0.5) if different > 1 else None
+                    ),
                     "first_less": int((upper[a] < lower[b]).sum()),
                     "second_less": int((upper[b] < lower[a]).sum()),
                 },
@@ -480,7 +511,9 @@ def ranking_document(
     tested = _tested(pairs, same, totals)
     for item, ends, statistical in zip(estimates, sure, tested, strict=True):
         item |= {"confidence": ends, "statistical_place": statistical}
-    warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
+    own_warnings = (*copies, *about_covariances(estimates))
+    warnings = [*warnings, *(notice.record() for notice in own_warnings)]
+    own_settings = [run["parameters"] for item in estimates for run in item["runs"]]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -491,7 +524,11 @@ def ranking_document(
         "ranked_by": RANKED,
         "estimates": estimates,
         "pairs": pairs,
-        "parameters": parameters,
+        "parameters": {  # without those that differ between estimates
+            name: value
+            for name, value in parameters.items()
+            if name not in OF_THE_ESTIMATE or all(own.get(name) == value for own in own_settings)
+        },
         "warnings": warnings,
     }
 
@@ -659,9 +696,28 @@ def _ranking(
     if len(names) > MAX_COMPARED:
         yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"
         return
-    common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
-    if not len(common):
+    is_common = part.groupby("_pair")["_pair"].transform("size") == len(names)
+    common, of_labels = part[is_common], pair_numbers(part, [label], truth=False)
+    differing = of_labels[part.groupby(of_labels)["_truth"].transform("nunique") > 1]
+    if len(common) and len(differing):
+        same = part[of_labels == differing.iloc[0]].drop_duplicates("_truth").to_dict("records")
+        having = " and ".join(f"{row['truth']} of {row[column]}" for row in same[:2])
+        yield (
+            f"warning: {counted(differing.nunique(), 'job')} of each {label} cannot be compared, "
+            f"as the truth is not the same: {having}"
+        )
+    if not len(common) and len(differing):
         yield f"{label} is not ranked: no truth has a job for each value of {label}"
+        return
+    if not len(common):
+        rest = [name for name in label_names(part) if name != label]
+        first = part[part[column] == names[0]].iloc[0]
+        known = set(part.loc[part["_pair"] == first["_pair"], column])
+        own = " ".join(f"{name}={first[LABEL + name]}" for name in rest)
+        yield (
+            f"{label} is not ranked: no {' and '.join(rest) or 'job'} has a job for each value of "
+            f"{label}; {names[0]} has {own}, {next(k for k in names if k not in known)} does not"
+        )
         return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
@@ -677,7 +733,7 @@ def _ranking(
         entries=entries,
         comparisons=comparisons,
         jobs=len(common) // len(names),
-        all_jobs=int(part["_pair"].nunique()),
+        all_jobs=int(of_labels.nunique()),
         pairs=count,
         truths=common["_truth"].nunique(),
         permutations=statistics.permutations_of(count),
@@ -705,23 +761,38 @@ def _side_by_side(
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
     steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
-    lower, upper, steps = _per_truth((lower, upper), truth.to_numpy(), steps)
+    runs = common.assign(_run=run_ids(common)).set_index(["_pair", column])["_run"].unstack(column)
+    unit = _units(truth.tolist(), runs[list(names)].to_numpy().T.tolist())
+    lower, upper, steps = _per_unit((lower, upper), unit, steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
     return [names[k] for k in best], (lower[best], upper[best], steps)
 
 
-def _per_truth(totals: tuple[Floats, Floats], truth: Any, steps: Floats) -> Totals:
-    """Add totals (names, jobs) and steps (jobs,) over the jobs of each truth, if there are several.
+def _units(truth: Sequence[str], runs: Sequence[Sequence[str]]) -> Ints:
+    """Return for each job the number of its unit: its truth, or itself if there is one truth.
 
-    Truths are sorted by these numbers, so that the names of sequences or runs do not matter.
+    `runs` has for each name the data of each job. Jobs with the same data of a name are one unit.
     """
-    _, number = np.unique(truth, return_inverse=True)
+    _, unit = np.unique(truth, return_inverse=True)
+    if unit.any():
+        return unit
+    texts = [f"{k} {text or (job,)}" for k, own in enumerate(runs) for job, text in enumerate(own)]
+    _, data = np.unique(texts, return_inverse=True)
+    jobs, size = np.tile(np.arange(len(unit)), len(runs)), len(unit)
+    parts = connected_components(jobs, size + data, size + len(data))
+    return np.unique(parts[:size], return_inverse=True)[1]
+
+
+def _per_unit(totals: tuple[Floats, Floats], unit: Ints, steps: Floats) -> Totals:
+    """Add totals (names, jobs) and steps (jobs,) over the jobs of each unit.
+
+    Units are sorted by these numbers, so that the names of sequences or runs do not matter.
+    """
     lower, upper = totals
-    if number.any():
-        rows = np.concatenate([lower, upper, steps[None]])
-        sums = np.zeros((number.max() + 1, len(rows)))
-        np.add.at(sums, number, rows.T)
-        lower, upper, (steps,) = np.split(sums.T, [len(lower), 2 * len(lower)])
+    rows = np.concatenate([lower, upper, steps[None]])
+    sums = np.zeros((unit.max() + 1, len(rows)))
+    np.add.at(sums, unit, rows.T)
+    lower, upper, (steps,) = np.split(sums.T, [len(lower), 2 * len(lower)])
     keys = np.concatenate([steps[None], np.sort(lower, axis=0), np.sort(upper, axis=0)])
     pairs = np.lexsort(keys)
     return lower[:, pairs], upper[:, pairs], steps[pairs]

@@ -1,7 +1,8 @@
 """Rows: numbers of one result by column, which stores keep, tables add up and gates judge."""
 
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from tgospa_eval.common.documents import (
     or_null,
 )
 from tgospa_eval.common.interval import Interval, equal, overlap
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.pair import EvaluationByClass
 from tgospa_eval.quoting import clipped, quoted
@@ -88,6 +91,7 @@ def row_to_judge(result: Evaluation) -> Row:
         "status": "done" if result.finished else "open",
         "message": str(result.solver["status"]),
         "warnings": json.dumps([notice.record() for notice in result.warnings]),
+        "notices": json.dumps(result.notices),
         "version": result.version,
     }
 
@@ -171,7 +175,7 @@ OF_VALUES: dict[str, FieldKind] = {
 
 OF_SOME: dict[str, FieldKind] = {
     **dict.fromkeys((*SPLIT_PARTS, NEES), or_null(COST)),
-    **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written"), or_null(TEXT)),
+    **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written", "notices"), or_null(TEXT)),
     "per_step.rows": or_null(COUNT),
     "per_step.curve": or_null(FLAG),
     "iterations": or_null(COUNT),
@@ -200,6 +204,7 @@ AS_JSON = {
     "options": {...: TEXT},
     "parameters": saved.PARAMETERS,
     "warnings": [saved.NOTICE],
+    "notices": [TEXT],
     STORED_NEES: saved.NEES_SUMS,
     STORED_SLICES: [saved.SLICING],
 }
@@ -393,6 +398,27 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
+
+
+def run_ids(rows: "pd.DataFrame") -> "pd.Series[str]":
+    """Return a text for each job; copies, with the same data and parameters, have the same text."""
+    own = rows.index.to_series().astype(str)
+    if ESTIMATE_DIGEST not in rows:
+        return own
+    return (truths(rows) + rows[ESTIMATE_DIGEST] + rows["parameters"]).fillna(own)
+
+
+def about_copies(name: str, runs: Iterable[str]) -> Iterator[Notice]:
+    """Yield a warning if some runs of a tracker are copies; `runs` has the data of each run."""
+    copies = sum(count for count in Counter(runs).values() if count > 1)
+    if copies:
+        of = f" of {name}" if name else ""
+        yield Notice(
+            code="copies",
+            text=f"{counted(copies, 'run')}{of} are copies of one another, with the same truth and "
+            "the same estimate",
+            remedy="copies count as one run in intervals and tests; check the seeds of the runs",
+        )
 
 
 def same_data(

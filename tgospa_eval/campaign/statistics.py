@@ -1,7 +1,8 @@
 """Statistics over several jobs: intervals and tests of the cost on other truths like these.
 
 The sample is the set of truths. Jobs of one truth are added up, because they are not independent of
-each other. If there is only one truth, the sample is the set of its jobs.
+each other. If there is only one truth, the sample is the set of its jobs, where copies of one run
+count as one job.
 """
 
 import itertools
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.campaign.row import truths
+from tgospa_eval.campaign.row import run_ids, truths
 from tgospa_eval.common.arrays import Floats
 
 if TYPE_CHECKING:
@@ -346,7 +347,7 @@ def confidence(
 
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
-    frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
+    frame["_unit"] = frame["_truth"].where(several, run_ids(having))
     frame["_steps"] = having["judged.steps"].clip(lower=1)
     sums = frame.groupby(["_group", "_unit"])[[*TOTAL_ENDS, "_steps"]].sum()
     ends = np.full((4, len(orders)), np.nan)

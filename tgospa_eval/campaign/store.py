@@ -75,6 +75,9 @@ OF_SOME_STEPS = dict.fromkeys(
 
 NULLABLE = (*CURVE_COLUMNS, *OF_SOME_STEPS)
 
+REST = "the same batch command does the others"
+"""Remedy for a batch that is not finished, in messages."""
+
 ANEW = "delete the file; batch then evaluates its jobs again"
 """Remedy for a damaged part, in messages."""
 
@@ -301,6 +304,7 @@ SETTINGS = {
         ),
     },
     "settings_file": USED_FILE,
+    "expected": documents.Maybe(documents.COUNT),
 }
 """Fields of the settings of a store, and the kinds of their values."""
 PART_FOLDER = "jobs"
@@ -338,6 +342,13 @@ class Store:
             The folder has other files, or is a store with other settings.
         """
         path = self.folder / SETTINGS_FILE
+
+        def write(settings: Mapping[str, Any]) -> None:
+            with writing(path, option("output", self.folder, short=True)) as beside:
+                beside.write_text(
+                    json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
+                )
+
         with named(option("output", self.folder, short=True), ConfigError, "cannot be written"):
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
@@ -347,17 +358,14 @@ class Store:
                         "batch; name another folder"
                     )
                 # Shards that begin at the same time write the same file, and compare it below.
-                with writing(path, option("output", self.folder, short=True)) as beside:
-                    beside.write_text(
-                        json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
-                    )
+                write(settings)
             (self.folder / PART_FOLDER).mkdir(exist_ok=True)
         old, new = self.settings(), {**settings}
         for one in (old, new):
             one |= {f"options.{name}": value for name, value in one.pop("options").items()}
         differing = [
             f"{key} was {json.dumps(old.get(key))}, is {json.dumps(new.get(key))}"
-            for key in sorted({*old, *new} - {"version", "settings_file"})
+            for key in sorted({*old, *new} - {"version", "settings_file", "expected"})
             if old.get(key) != new.get(key)
         ]
         if differing:
@@ -365,6 +373,13 @@ class Store:
                 f"{option('output', self.folder, short=True)}: has a batch with other settings: "
                 f"{'; '.join(differing)}; name another folder"
             )
+        if old.get("expected") != new.get("expected"):  # the jobs may be more than before
+            write({**self.settings(), "expected": new["expected"]})
+
+    def unfinished(self, done: int) -> str:
+        """Return a sentence if fewer jobs are done than the batch has; else a blank."""
+        expected = self.settings().get("expected", 0)
+        return f"{done:,} of {expected:,} jobs are done" if done < expected else ""
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of the evaluation.
@@ -378,7 +393,7 @@ class Store:
         if self.folder.is_dir() and not path.exists():
             raise InputError(f"{self.folder}: is not a batch: {SETTINGS_FILE} is missing")
         return documents.read_document(
-            str(path), SCHEMA, SETTINGS, remedy="make it again with batch"
+            str(path), SCHEMA, SETTINGS, remedy="run batch again, to a new folder"
         )
 
     def rows(self) -> "pd.DataFrame":

@@ -10,6 +10,7 @@ The bounds of a sum are the sums of the bounds.
 """
 
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -22,11 +23,13 @@ from tgospa_eval.campaign.ranking import rankings
 from tgospa_eval.campaign.row import (
     LABEL,
     STORED_SLICES,
+    about_copies,
     covariances_of,
     in_words,
     job_in_words,
     label_names,
     pair_numbers,
+    run_ids,
     shown_labels,
     truths,
     with_parameters,
@@ -36,6 +39,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import TimeError, floats, parse_times, places
+from tgospa_eval.formats.options import ROLES
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES
@@ -199,8 +203,10 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     shown = zip(by, shown_labels(by, taken), strict=True)
     heads = heads.rename(columns={LABEL + name: head for name, head in shown})
     items: list[Ranking | str] = []
+    for number, runs in run_ids(having).groupby(own):
+        items += map(str, about_copies("/".join(map(in_words, heads.loc[number])), runs))
     if by:
-        items = list(rankings(having, by[0], parameters, filled[LABEL + by[0]].unique()))
+        items += rankings(having, by[0], parameters, filled[LABEL + by[0]].unique())
     return BatchTables(
         rows=rows,
         groups=pd.concat([heads, table, statistics.confidence(having, own, orders)], axis=1),
@@ -240,7 +246,8 @@ def _summed(
     own = having.groupby(numbers)
     table = own[list(SUMS)].sum().reindex(orders.index)
     table["jobs"] = own.size().reindex(orders.index, fill_value=0)
-    table["open"] = table["jobs"] - own["certified"].sum().reindex(orders.index, fill_value=0)
+    opened = (having["status"] == "open").groupby(numbers).sum()
+    table["open"] = opened.reindex(orders.index, fill_value=0)
     table = table.astype({"jobs": int, "open": int})
     divisors: dict[str, Any] = {
         "combined": 1.0,
@@ -271,27 +278,51 @@ def _expected(
 
     counts = np.bincount(numbers)
     one_truth = truths(rows).groupby(numbers).nunique().max() == 1
-    pairs = pair_numbers(rows, by, differing, truth=not one_truth).to_numpy()
+    of_labels = pair_numbers(rows, by, differing, truth=False)
+    pairs = of_labels if one_truth else pair_numbers(rows, by, differing)
     size = len(counts) + int(pairs.max()) + 1
-    parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
-    alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
-    return np.maximum(alike, counts)
+    parts = connected_components(numbers.to_numpy(), len(counts) + pairs.to_numpy(), size)
+    alike = of_labels.groupby(parts[numbers]).nunique().reindex(parts[: len(counts)])
+    return np.maximum(alike.to_numpy(), counts)
 
 
-def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
-    """Yield a line for each kind of data warning: the first job, and the number of other jobs."""
-    if "warnings" not in rows:
-        return
-    by_code: dict[str, list[tuple[str, Notice]]] = {}
-    having = rows[rows["warnings"].notna()]
-    for row in having[having["warnings"] != "[]"].to_dict("records"):
-        notices = {record["code"]: Notice(**record) for record in json.loads(row["warnings"])[::-1]}
-        for code, notice in notices.items():
-            by_code.setdefault(code, []).append((job_in_words(row), notice))
-    for jobs in by_code.values():
-        name, notice = jobs[0]
-        rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
-        yield f"warning: {name}{rest if len(jobs) > 1 else ''}: {notice.sentence}"
+def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
+    """Yield a line for each kind of warning about the data, then for each kind of notice.
+
+    It has the first job and the number of other jobs.
+    """
+    for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
+        having = rows[rows[column].notna()] if column in rows else rows[:0]
+        by_kind: dict[str, list[tuple[str, str]]] = {}
+        for row in having[having[column] != "[]"].to_dict("records") if len(having) else ():
+            for kind, text in texts_of(row).items():
+                by_kind.setdefault(kind, []).append((job_in_words(row), text))
+        for jobs in by_kind.values():
+            name, text = jobs[0]
+            rest = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
+            mark = "warning: " * (column == "warnings")
+            yield f"{mark}{name}{rest if len(jobs) > 1 else ''}: {text}"
+
+
+def _warnings(row: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the warnings of a job by code; the first of several is returned."""
+    records = json.loads(row["warnings"])[::-1]
+    return {record["code"]: Notice(**record).sentence for record in records}
+
+
+def _notices(row: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the notices about the files of a job, by their text without numbers."""
+    notices: dict[str, str] = {}
+    for text in json.loads(row["notices"]):
+        for role in ROLES:
+            _, path, said = text.partition(f"{row[role]}: ")
+            if path and not said.startswith(BATCH_SAYS):
+                notices.setdefault(f"{role} {re.sub('[0-9]+', '', said)}", f"{role}: {said}")
+    return notices
+
+
+BATCH_SAYS = "boxes are compared by their centres"
+"""Beginning of a notice that a batch prints once."""
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
@@ -397,7 +428,8 @@ def rms_curves(
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
-            made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
+            shown = band, over, run_ids(group[counts]).nunique()
+            made = _curves(parts[k], jobs, float(first["order"]), shown, about)
             for kind, runs, lines, means, bounds in made:
                 curves.append(
                     RmsCurve(
@@ -426,13 +458,13 @@ def _curves(
     steps: "pd.DataFrame",
     jobs: Ints,
     order: float,
-    shown: tuple[BandKind, str | None],
+    shown: tuple[BandKind, str | None, int],
     notes: list[str],
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
     """Yield the curves of these jobs, and add messages to `notes`.
 
     A curve has its kind, its runs, lines by name, means by name, and bounds of the total, if any.
-    `shown` has the arguments `band` and `over` of `rms_curves`.
+    `shown` has the arguments `band` and `over` of `rms_curves`, and the number of different runs.
     """
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
@@ -563,7 +595,8 @@ class _Runs:
         jobs: Ints,
         order: float,
         band: BandKind,
-        over: str | None = None,
+        over: str | None,
+        different: int,
     ) -> None:
         import pandas as pd
 
@@ -582,7 +615,7 @@ class _Runs:
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
-        self.order, self.band = order, band
+        self.order, self.band, self.different = order, band, different
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
         # Equal times such as 1 and 1.0 are shown in the form of the first run.
@@ -668,7 +701,7 @@ class _Runs:
         `bounds` are lower and upper bounds of the costs, if the costs are not exact.
         """
         band = None
-        if self.count >= MIN_RUNS[self.band] and not self.many:
+        if self.different >= MIN_RUNS[self.band] and not self.many:
             ends, costly = [], (bounds or (costs,))[-1]
             typical = float(costly[costly > 0].mean()) if (costly > 0).any() else np.nan
             for row, there, within in self.cells(carried=carried):

@@ -22,9 +22,17 @@ OF_REPORT = {
 """Names of the parameters that also apply to ``batch report``."""
 
 
+class Batch(Verb):
+    """Command whose reports show stored results."""
+
+    def uses(self, ctx: click.Context, name: str) -> bool:
+        """Return whether an option applies: to a report, only those of reports."""
+        return ctx.params["paths"][:1] != ("report",) or name in OF_REPORT
+
+
 @click.command(
     "batch",
-    cls=Verb,
+    cls=Batch,
     params=[
         *click_builder.options_of(BatchOptions).values(),
         *(item for item in click_builder.EVALUATION if item.key not in ("by", "jobs")),

@@ -55,14 +55,23 @@ class Gate(Verb):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the arguments and the target, then parse the arguments."""
         ctx.meta[TYPED] = tuple(args)
-        with suppress(click.UsageError, ConfigError):  # the parsing below raises them again
+        where = None
+        with suppress(click.UsageError):  # the same error is raised again
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
-            if where:
-                from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have a target
+        if where:
+            from tgospa_eval.campaign.gate.suite import Target  # lazy: few gates have one
 
-                ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
+            ctx.meta[TARGET], ctx.meta[IGNORED] = None, []
+            with suppress(ConfigError):  # the same error is raised again
+                ctx.meta[TARGET] = Target(where)
         return super().parse_args(ctx, args)
+
+    def uses(self, ctx: click.Context, name: str) -> bool:
+        """Return whether an option applies: those of evaluations do not apply to stores."""
+        from tgospa_eval.campaign.store import is_store
+
+        return name not in NAMES.values() or not is_store(ctx.params["truth"])
 
 
 @click.command(
@@ -180,8 +189,8 @@ def _run(
     report = replace(report, settings_file=gate.config)
     several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
     for outcome in report.outcomes:
-        if outcome.verdict is Verdict.ERROR:
-            print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
+        for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
+            print_notice((f"{outcome.name}: " if several else "") + note)
     # Files are written before stdout. If stdout cannot be written, report and verdict are kept.
     status = worst((report.status, _publish(gate, report)))
     try:

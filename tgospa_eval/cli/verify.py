@@ -148,7 +148,7 @@ def _check_tables(
         )
     options = _options(folder, proof["options"], given)
     try:
-        prepared = _prepared(files, proof, options, stopwatch)
+        prepared, classes = _prepared(files, proof, options, stopwatch)
         compared, parameters = prepared.compared, prepared.parameters
         check_provable(compared, parameters)
     except ConfigError as error:  # of an option in the proof, and so of a file
@@ -170,6 +170,12 @@ def _check_tables(
     inputs, evaluated_on = prepared.recorded()
     digests = {side: record["sha256"] for side, record in inputs.items()}
     recorded = {side: record["sha256"] for side, record in proof.get("inputs", {}).items()}
+    stated = proof.get("classes", [])
+    if stated != classes or (proof.get("class") not in classes if classes else "class" in proof):
+        raise verify_tgospa.Wrong(
+            f"class, classes: are {proof.get('class')!r} of {stated!r}, must be of {classes!r} by "
+            f"{files[0]} and {files[1]}"
+        )
     for part, claimed, recomputed in (
         ("judged", proof.get("judged"), evaluated_on.record()),
         ("inputs, sha256", recorded or None, digests),
@@ -229,14 +235,13 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
 
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
-) -> "PreparedPair":
-    """Return the problem that an evaluation of these files with these options would solve."""
-    from dataclasses import replace
-
+) -> "tuple[PreparedPair, list[str]]":
+    """Return the problem of an evaluation of these files with `options`, and the files' classes."""
     from tgospa_eval.api.keywords import requested
     from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.evaluation.prepare import fit, prepare
+    from tgospa_eval.formats.reading import classes_in
 
     resolved = resolve_request(
         requested(
@@ -250,5 +255,6 @@ def _prepared(
     fitted, request = align_sides(resolved, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
-        fitted = fit(truth, estimate, replace(request, distance=fitted.distance))
-    return prepare(fitted, request, stopwatch=stopwatch)
+        fitted = fit(truth, estimate, fitted.of_parts(request))
+    classes = classes_in(sides) if resolved.reading.by_class else []
+    return prepare(fitted, request, stopwatch=stopwatch), classes

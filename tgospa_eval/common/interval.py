@@ -52,9 +52,9 @@ def equal(first: Interval, second: Interval) -> bool:
 
 def verdict(first: Interval, second: Interval) -> Literal["less", "equal", "not separated"]:
     """Return the proven order of two values."""
-    if less(first, second):
-        return "less"
-    return "equal" if equal(first, second) else "not separated"
+    if equal(first, second):
+        return "equal"
+    return "less" if less(first, second) else "not separated"
 
 
 def second_less_first(first: Interval, second: Interval) -> Interval:
@@ -100,7 +100,7 @@ def places(
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
     ranks = []
     for k, own in enumerate(brackets):
-        ahead = sum(less(other, own) for other in brackets)
+        ahead = sum(less(other, own) and not alike(k, j) for j, other in enumerate(brackets))
         behind = sum(
             j != k and (less(own, other) or alike(k, j)) for j, other in enumerate(brackets)
         )

@@ -111,9 +111,16 @@ def more(count: int) -> str:
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
-def in_both(common: int, union: int) -> str:
-    """Format how many of all steps both files have."""
-    return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"
+def in_both(steps: Mapping[str, int]) -> str:
+    """Format the number of steps that both files have, or at which both sides have states."""
+    if "truth" in steps:
+        return (
+            f"{counted(steps['counted'], 'step counts', 'steps count')}: {steps['truth']:,} with "
+            f"states of the truth, {steps['estimate']:,} of the estimate, {steps['common']:,} of "
+            "both"
+        )
+    are = "step is" if steps["union"] == 1 else "steps are"
+    return f"{steps['common']:,} of {steps['union']:,} {are} in both files"
 
 
 def install(extra: str) -> str:

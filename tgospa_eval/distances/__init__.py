@@ -1,4 +1,4 @@
-"""Base distances of states, and the search for pairs of one step nearer than the cutoff.
+"""Base distances of states, and the search for the pairs that are nearer than the cutoff at a step.
 
 Public names are imported when they are used, so that a run loads only the distance that it needs.
 """
@@ -9,7 +9,7 @@ from tgospa_eval.common.registry import lazy
 from tgospa_eval.distances.registry import DISTANCES as DISTANCES
 from tgospa_eval.distances.registry import as_distance as as_distance
 
-if TYPE_CHECKING:  # `as` makes a name public
+if TYPE_CHECKING:  # `import x as x` makes a name public
     from tgospa_eval.distances.base import Distance as Distance
     from tgospa_eval.distances.base import Pairs as Pairs
     from tgospa_eval.distances.base import Resources as Resources

@@ -1,11 +1,13 @@
-"""Interface of a base distance: the distance of states, and points that the search sorts.
+"""Interface of a base distance: the distance of two states, and the search for near pairs.
 
+A pair is an object and an estimate at one step. It is near if its distance is less than the cutoff.
 Truth and estimate are the two sides. `check_columns` checks that both sides have the same columns.
 `check_states` checks that a distance can compare the states of both sides.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence, Sized
+from contextlib import suppress
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.earth import from_crs
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
@@ -24,17 +27,20 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 
+NEAR_PLACES = 1.0
+"""Largest difference, in degrees, of the medians of two sides that are of one scene."""
+
 Fault = tuple[Mask, str, str]
-"""Mask of states that are wrong in a column, name of this column, and fault of the first of
-them."""
+"""A column with wrong values: mask of the wrong states, name of the column, and what is wrong with
+the first of these states."""
 
 REACH_ROUNDING = 2.0**-40
-"""Share by which reaches (`Distance.reach`) are widened. It is far above rounding, so no pair is
-lost."""
+"""Share by which reaches (`Distance.reach`) are widened. It is far above rounding errors, so no
+near pair is lost."""
 
 
 DistanceSettings = dict[str, Any]
-"""Settings of a distance that change its value, by the names of the options."""
+"""Settings that change the value of a distance, by the names of their options."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +61,7 @@ class Pairs:
     distance: Floats
 
     def chosen(self, which: Ints) -> "Pairs":
-        """Return the pairs at some positions."""
+        """Return the pairs at the positions `which`."""
         return Pairs(
             truth_row=self.truth_row[which],
             estimate_row=self.estimate_row[which],
@@ -76,7 +82,7 @@ class Resources:
     jobs : int, optional
         Number of threads; all cores by default.
     stopwatch : Stopwatch
-        Stopwatch that shows the stage, and notifies the user.
+        Stopwatch, which shows the user the stage of the work.
     """
 
     jobs: int | None = None
@@ -86,23 +92,24 @@ class Resources:
 class Distance(ABC):
     """Metric on states, with the properties that the search for near pairs needs.
 
-    The search sorts points, not states. `embed` maps each state to a point. `reach` returns a reach
-    of each state on each coordinate. If two points differ on a coordinate by the larger of their
-    reaches or more, the pair is not near, and its distance need not be computed.
+    The search sorts points, not states. `embed` maps each state to a point. `reach` returns a
+    length for each coordinate of each point. If two points differ on a coordinate by the larger of
+    their two reaches or more, the pair is not near, and its distance need not be computed.
 
     Attributes
     ----------
     name : str
         Name as on the command line.
     tree_power : float
-        Power of a Minkowski norm. Divide the difference of two points on each coordinate by the
-        larger of their reaches. For near states this norm of the quotients is at most 1.
+        Power of a Minkowski norm with this property: if the difference of two near points on each
+        coordinate is divided by the larger of their reaches, the norm of the quotients is at most
+        1.
     columns : tuple of str, optional
         State columns that the distance needs, in order; None if it compares any columns.
     options : tuple of str
         Options that change settings of the distance, as fields of `api.options.Request`.
     on_earth : bool
-        Whether states are latitudes and longitudes in degrees, and distances are in metres.
+        True if states are latitudes and longitudes in degrees, and distances are in metres.
     defaults : tuple of float
         Default cutoff and switch penalty.
     largest : float
@@ -126,7 +133,7 @@ class Distance(ABC):
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
-        """Return distances of the states in the last axis of `a` and `b`; other axes broadcast."""
+        """Return distances of states; the last axis has the components, other axes broadcast."""
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
@@ -136,27 +143,28 @@ class Distance(ABC):
         """Kinds of states besides points that the distance compares, as in `Trajectories.kind`.
 
         The kinds are gaussian and cloud. If the result is empty, all states are treated as points.
-        Otherwise Gaussians or clouds are refused unless the result has their kind.
+        Otherwise states are refused unless they are points, or of a kind in the result.
         """
         return ()
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Return the d components of R rows (d, R), as `between` and `embed` receive them."""
+        """Return the d components of some R states, (d, R), as `between` and `embed` need them."""
         return np.ascontiguousarray(side.state[rows].T)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return for near pairs the distances of the means, and those of the spreads around them.
+        """Split the distance of each near pair into a part of the means and a part of the spreads.
 
-        Both squares add up to the squared distance. A distance that has no such parts returns None.
+        The squares of the two parts add up to the squared distance. The result is None if the
+        distance has no such parts.
         """
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives of the distances of N pairs by the d columns of the estimates, (d, N).
+        """Return the derivative of each pair's distance by each column of its estimate, (d, N).
 
-        The pairs are near, and the sides are prepared. The unit is distance per unit of the column.
-        For Gaussians the derivatives are by the mean. They are 0 if the distance is 0. At a kink of
-        the distance, the result is one of its derivatives.
+        The N pairs are near, and the sides come from `prepared`. The unit is distance per unit of
+        the column. For Gaussians the derivatives are by the mean. They are 0 if the distance is 0.
+        At a kink of the distance several derivatives are possible, and the result is one of them.
 
         Raises
         ------
@@ -167,10 +175,10 @@ class Distance(ABC):
         return self.slopes_between(a, b)
 
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats | None:
-        """Return derivatives of the distances of near pairs by each estimated particle, (M, d).
+        """Return the derivative of each near pair's distance by each particle of its estimate.
 
-        The M particles are those of the estimates of all pairs, pair after pair. The result is None
-        if states have no particles. The sides are as read, not prepared.
+        The shape is (M, d): the particles of the estimates of all pairs, pair after pair. The
+        result is None if states have no particles. The sides are as read, not from `prepared`.
 
         Raises
         ------
@@ -180,7 +188,7 @@ class Distance(ABC):
         return None
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Return the derivative of `between` by `b`, with the shape of `b`, (d, N).
+        """Return the derivative of the distance of `a` and `b` by each component of `b`, (d, N).
 
         Raises
         ------
@@ -195,33 +203,34 @@ class Distance(ABC):
         return self
 
     def fitted(self, sides: Sides) -> "Distance":
-        """Return the distance with settings that depend on the data of the run."""
+        """Return the distance with those settings filled in that depend on the data of the run."""
         return self
 
     def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, "Distance"]:
-        """Return both sides in the form that is compared, and the distance that compares them."""
+        """Convert both sides to a form that is fast to compare; return them and their distance."""
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return the value of `between` below which a pair is a candidate of the search."""
+        """Return a limit: pairs for which `between` is smaller are candidates for near pairs."""
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the near candidates: all of them unless `between` is only a lower bound."""
+        """Return the candidates that are near: all, unless `between` is only a lower bound."""
         return pairs
 
     def error(self, dimension: int) -> float:
-        """Return a proven bound of the relative rounding error of distances in this dimension.
+        """Return a proven bound of the relative rounding error of a distance.
 
+        `dimension` is the number of state columns.
         It is 0 if no bound is known. In that case proofs hold for the computed distances.
         """
         return 0.0
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return how far from the cutoff rounding may decide which side of it a distance is on.
+        """Return a margin around the cutoff in which rounding may decide if a pair is near.
 
-        It covers the rounding of the computation, and that of decimals in the files. The sides are
-        prepared.
+        It covers the rounding of the computation, and that of decimals in the files. The sides come
+        from `prepared`.
         """
         return REACH_ROUNDING * cutoff
 
@@ -235,7 +244,7 @@ class Distance(ABC):
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly how much the last binary places of the smallest state change a distance.
+        """Return roughly how much a distance changes with the last bits of the smallest state.
 
         A distance up to this size may come from rounding alone.
         """
@@ -245,12 +254,12 @@ class Distance(ABC):
 
     @property
     def tree_power(self) -> float:
-        """Power of a norm that the search may use; inf is always valid."""
+        """Power of the norm in the docstring of the class; inf is always valid."""
         return float("inf")
 
     @abstractmethod
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distance of states that are given component by component."""
+        """Return the distances of states; each component has one array for either side."""
 
     def embed(self, axes: Floats) -> Floats:
         """Return the points of R states: e coordinates (e, R) from d components (d, R)."""
@@ -284,7 +293,7 @@ class Distance(ABC):
         check_length("period", self.period, columns, name)
 
     def fault(self, axes: Floats) -> Fault | None:
-        """Return the fault of the first column of states (d, R) that is out of range, or None."""
+        """Return the first column of the states (d, R) with values out of range, or None."""
         for name, (low, high, rule) in self.limits.items():
             values = axes[(self.columns or ()).index(name)]
             wrong = ~((values >= low) & (values <= high))
@@ -311,7 +320,7 @@ def exactly_nearer(
     cutoff: Floats,
     decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
-    """Return `Distance.nearer` by a closed form, which `decide` evaluates exactly."""
+    """Return the result of `Distance.nearer`; `decide` evaluates a closed form exactly."""
     from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
     nearer: Mask = pairs.distance < cutoff
@@ -343,7 +352,10 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
-    """Return the ids and the time of a pair of rows, for messages; `which` follows each id."""
+    """Return a text for messages: ids and time of truth row `i` and estimate row `j`.
+
+    `which` has two texts, one to put after either id.
+    """
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
     return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"
@@ -366,8 +378,13 @@ def check_columns(
             remedy = f"to compare only some, use {option('columns', ','.join(common) or 'x,y')}"
             if {*PLACES} <= {*truth.columns} ^ {*estimate.columns}:
                 local = "truth" if "lat" in estimate.columns else "estimate"
+                sides = (estimate, truth) if local == "truth" else (truth, estimate)
+                zone = _utm_zone(*sides)
                 remedy = (
-                    f"{option(f'{local}_crs')} enu (or ned) and "
+                    f"x and y of the {local} seem to be UTM coordinates: "
+                    f"{option(f'{local}_crs', zone)} and {option('distance', 'geodesic')}"
+                    if zone
+                    else f"{option(f'{local}_crs')} enu (or ned) and "
                     f"{option('origin', metavar='LAT,LON')} combine local axes and positions on "
                     "the Earth"
                 )
@@ -378,6 +395,24 @@ def check_columns(
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"
         raise InputError(f"state columns are in different orders: {orders}; use one order")
+
+
+def _utm_zone(earth: Trajectories, local: Trajectories) -> str:
+    """Return the UTM zone in which x and y of a side are near the places of the other, or a blank.
+
+    States of both sides are compared by their medians, in the zone of the places and beside it.
+    """
+    if not (len(earth.state) and len(local.state)) or local.columns[:2] != ("x", "y"):
+        return ""
+    lat, lon = np.median(earth.state[:, [earth.columns.index(name) for name in PLACES]], axis=0)
+    gaps = {}
+    for zone in range(int(lon // 6) + 29, int(lon // 6) + 32):
+        code = f"EPSG:{(32700 if lat < 0 else 32600) + zone % 60 + 1}"
+        with suppress(ConfigError):  # the extra is not installed
+            place = from_crs(code, "").transform(*np.median(local.state[:, :2], axis=0))
+            gaps[code] = max(abs(place[0] - lon), abs(place[1] - lat))
+    code = min(gaps, key=gaps.__getitem__, default="")
+    return code if code and gaps[code] < NEAR_PLACES else ""
 
 
 def check_states(
@@ -411,7 +446,7 @@ def check_states(
 def _check_kinds(
     sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
 ) -> None:
-    """Check that a distance for kinds other than points can compare these states."""
+    """Check that the distance compares states of these kinds (`Distance.kinds`)."""
     named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
     refused = set(named) - {"point", *distance.kinds}
     if not distance.kinds or not refused:

@@ -13,21 +13,22 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
-"""Limits of widths and heights, so that areas are doubles."""
+"""Limits of widths and heights, so that areas neither overflow nor underflow."""
 
 MAX_BLUR = 2.0**-20
 """Largest value of `IoU.margin`."""
 
 TRACKEVAL_EPS = 2.0**-52
-"""Tolerance of TrackEval for areas of 0, and for an IoU at a threshold."""
+"""Tolerance in TrackEval: areas up to this size count as 0, and thresholds of the IoU are shifted
+by it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class IoU(Distance):
     """1 - intersection over union of boxes (left, top, width, height): the Jaccard distance.
 
-    Areas are width times height, without an additional pixel. It is a metric on boxes [Kosub 2019],
-    at most 1, and exactly 1 for all boxes without overlap.
+    Areas are width times height, without an additional pixel. The distance is a metric on boxes
+    [Kosub 2019]. It is at most 1, and exactly 1 for boxes without overlap.
     """
 
     name = "iou"
@@ -40,7 +41,10 @@ class IoU(Distance):
     )
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return the margin: the rounding of a ratio near 1, and of edges written as decimals."""
+        """Return the margin (see `Distance.margin`) around the cutoff.
+
+        It covers the rounding of a ratio near 1, and that of edges written as decimals.
+        """
         corners = (np.abs(side.state[:, :2]).max(initial=0.0) for side in sides)
         smallest = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
         blur = 2.0**-46 + 2.0**-50 * max(corners) / max(smallest, SMALLEST_EDGE)
@@ -48,7 +52,7 @@ class IoU(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Return, exactly, for each of N pairs whether it is nearer than its own cutoff, (N,)."""
-        from fractions import Fraction  # lazy: as in `exactly_nearer`
+        from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             shared = Fraction(1)
@@ -64,14 +68,14 @@ class IoU(Distance):
             ends.append(begins[-1] + side.state[row, 2:])
         gap = np.maximum(*begins) - np.minimum(*ends)
         size = np.maximum(*map(np.abs, begins)) + np.maximum(*map(np.abs, ends))
-        far = (gap > REACH_ROUNDING * size).any(axis=1)  # clearly at the distance 1
+        far = (gap > REACH_ROUNDING * size).any(axis=1)  # surely no overlap: the distance is 1
         nearer: Mask = pairs.distance < cutoff
         rest = np.flatnonzero(~far)
         nearer[rest] = exactly_nearer(self, pairs.chosen(rest), sides, cutoff[rest], decide)
         return nearer
 
     def last_place(self, sides: Sides) -> float:
-        """Return about the rounding of a ratio near 1, as the distance is 1 minus this ratio."""
+        """Return roughly the rounding of a ratio near 1; the distance is 1 minus a ratio."""
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -82,7 +86,10 @@ class IoU(Distance):
         return np.asarray((union - shared) / union)
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
-        """Return derivatives by left, top, width and height of the second box: ``-d(I / U)``."""
+        """Return the derivatives by left, top, width and height of the second box.
+
+        The distance is ``1 - I / U``, with the areas I of the intersection and U of the union.
+        """
         shared = [_overlap((a[k], b[k]), (a[k + 2], b[k + 2])) for k in (0, 1)]
         both = shared[0] * shared[1]
         union = a[2] * a[3] + b[2] * b[3] - both
@@ -120,7 +127,7 @@ class IoU(Distance):
         )
 
 
-# Differences of huge coordinates may overflow to infinity, which is right for them.
+# Differences of huge coordinates may overflow to infinity; the results are right all the same.
 @np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
     """Return the IoU of boxes `a` and `b`, bit for bit as TrackEval computes it.

@@ -1,20 +1,22 @@
 """Wasserstein distances of particle clouds as base distances: their settings and their near pairs.
 
-Clouds are prepared once, so that their distance is Euclidean. Two lower bounds of a pair are cheap:
-the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and for the order 2 the Gelbrich
-bound, which is the Wasserstein distance of the Gaussians with the same moments,
+W_q is the Wasserstein distance of order q (`distances.transport`). Clouds are scaled once, and
+whitened if there is a covariance; after that, the distance of two particles is Euclidean. Two lower
+bounds of W_q are cheap. One is the distance of the means m_a and m_b of the clouds, for every q:
+``|m_a - m_b| <= W_q``. For the order 2 the Gelbrich bound is larger,
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
-with the Bures distance B of their covariances. The Gelbrich bound is exact if one cloud is a point.
-A pair at the cutoff or beyond has no gain, so transport is solved only for pairs whose bounds are
-below the cutoff.
+with the Bures distance B of the covariances P_a and P_b. It is the Wasserstein distance of the
+Gaussians with these means and covariances, and exact if one cloud is a point. A pair at the cutoff
+or beyond has no gain, so transport is solved only for pairs whose bounds are below the cutoff.
 
-The sliced and the max-sliced Wasserstein distance use the projections on fixed directions v_k,
+The sliced and the max-sliced Wasserstein distance of clouds X and Y use their projections on V
+fixed directions v_k,
 
     SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y),
 
-where W_q of projections in one dimension comes from sorting, without transport and without POT.
+where W_q of the projections, which are in one dimension, comes from sorting. POT is not needed.
 Every W_q is a metric, so both distances satisfy the triangle inequality for any directions. Over
 all of the sphere they are metrics ([Kolouri]); over V directions they are pseudometrics, because
 different clouds may have the same V projections. SW_2^2 is [Prossel] equation 12. The directions
@@ -71,11 +73,12 @@ from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
-"""A bound that exceeds the cutoff by at most this share of it may be rounding, and does not
-decide."""
+"""Share of the cutoff by which rounding may raise a bound. A bound above the cutoff by less than
+this excludes no pair."""
 
 UNSURE = 1e-11
-"""Share of the variances that is far above the rounding of the Gelbrich bound."""
+"""Share of the variances that is subtracted from the square of the Gelbrich bound. It is far above
+the rounding of this square."""
 
 BOUNDS_TOGETHER = 1 << 16
 """Number of pairs whose bounds are computed at a time."""
@@ -84,12 +87,12 @@ SOON = 250.0
 """Approximate milliseconds of work that a thread does at a time."""
 
 MANY_PARTICLES = 300
-"""Number of particles above which a hint proposes to reduce them."""
+"""Number of particles of a cloud above which a message proposes to reduce clouds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CloudPairs(Distance):
-    """Distance of clouds of distinct particles in Euclidean space."""
+    """Wasserstein distance of clouds of distinct particles, for the Euclidean inner distance."""
 
     order: int
     gating: bool
@@ -97,7 +100,7 @@ class CloudPairs(Distance):
 
     @property
     def tree_power(self) -> float:
-        """2, for the Euclidean distance of the means."""
+        """Power 2, because the means are compared by their Euclidean distance."""
         return 2.0
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -116,7 +119,7 @@ class CloudPairs(Distance):
         return cutoff * (1 + SLACK) + 2.0**-46 * largest
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return near pairs with their distances: by closed forms first, then by transport."""
+        """Return the near pairs with their distances, from closed forms or from transport."""
         a, b = (side.clouds for side in sides)
         if a is None or b is None:
             return pairs
@@ -146,22 +149,22 @@ class CloudPairs(Distance):
 
     @property
     def has_gelbrich_bound(self) -> bool:
-        """True if the Gelbrich bound is a lower bound."""
+        """True if the Gelbrich bound is a lower bound of the distance: for order 2."""
         return self.order == 2
 
     def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
-        """Estimate the milliseconds of each pair, for sorting on a line or for transport."""
+        """Estimate the milliseconds for each pair, by sorting in one dimension or by transport."""
         if len(sides[0].columns) == 1:
             return np.asarray(0.1 + 2e-4 * (sizes[0] + sizes[1]))
         _check_sizes(sizes, rows, sides)
         return np.asarray(0.1 + 2.0 * (sizes[0] * (sizes[1] / 1e4)) ** 1.05)
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Return a function from a row of each side to the distance of their clouds."""
+        """Return a function of a truth row and an estimate row: the distance of their clouds."""
         return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return, for order 2, distances of the means, and of the clouds moved to one mean."""
+        """Return, for order 2, distances of the means, and of the clouds moved to the same mean."""
         if self.order != 2:
             return None
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
@@ -179,7 +182,7 @@ class OwnCovariance(CloudPairs):
         return np.inf
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return near pairs, bounded by the Mahalanobis distances of their means."""
+        """Return the near pairs; a Mahalanobis distance of the means may exclude a pair first."""
         truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
         if a is None or b is None or not len(pairs.distance):
@@ -213,11 +216,14 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return the least that covariances add to the squared distances of the means of pairs."""
+    """Return how much the squared distance of each pair exceeds that of its means, or less.
+
+    This lower bound follows from the covariances of the clouds in the rows `i` and `j`.
+    """
     (trace_a, factor_a), (trace_b, factor_b) = spreads
     length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
     total = trace_a[i] + trace_b[j]
-    is_point = (trace_a[i] == 0) | (trace_b[j] == 0)  # then the value is exact
+    is_point = (trace_a[i] == 0) | (trace_b[j] == 0)  # the sum of traces is exact for a point
     return np.where(is_point, total, (length * length - UNSURE * total).clip(min=0))
 
 
@@ -228,17 +234,17 @@ def _solved(
     what: str,
     resources: Resources,
 ) -> Floats:
-    """Compute distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
+    """Compute the distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
 
-    `one()` returns a function from a row of each side to their distance. `works` are the
-    approximate milliseconds of each pair.
+    `one()` returns a function of a truth row and an estimate row: their distance. `works` has the
+    approximate milliseconds that each pair takes. `what` names the work, for messages.
     """
     count = len(works)
     if not count:
         return np.zeros(0)
     jobs = min(resources.jobs or cores(), count)
     answer = np.zeros(count)
-    # Small enough to stop soon after an interrupt.
+    # The pieces of work are small, so that the work stops soon after an interrupt.
     step = max(1, min(64, count // (8 * jobs), int(SOON * count / works.sum())))
 
     def solve(begin: int) -> int:
@@ -257,7 +263,7 @@ def _solved(
 
 
 def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> None:
-    """Check that the costs of all pairs fit into memory."""
+    """Check that no pair has too many particles for its matrix of costs (`MAX_PARTICLES`)."""
     wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MAX_PARTICLES**2)
     if len(wrong):
         k = int(wrong[0])
@@ -268,10 +274,14 @@ def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides
 def slopes_of_particles(
     clouds: tuple[Clouds, Clouds], pairs: Pairs, order: int, factor: Floats | None
 ) -> Floats:
-    """Return ``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)``, pi the optimal plan.
+    """Return the derivative of each pair's distance by each particle of its estimate.
 
-    This is the envelope theorem: W^q is a minimum over plans. If several plans are optimal, the
-    result is one of the derivatives. It is 0 where the distance is 0.
+    For true particles x_i, estimated particles y_j, the distance W and the optimal plan pi,
+
+        ``dW/dy_j = W^(1-q) sum_i pi_ij |x_i - y_j|^(q-2) (y_j - x_i)``
+
+    by the envelope theorem, because W^q is a minimum over plans. If several plans are optimal, the
+    result is the derivative for one of them. It is 0 where the distance is 0.
 
     Parameters
     ----------
@@ -303,7 +313,7 @@ def slopes_of_particles(
         if order == 1:
             lengths = np.linalg.norm(a[0][:, None] - b[0], axis=2)
             share = np.divide(share, lengths, out=np.zeros_like(share), where=lengths > 0)
-        # sum_i share_ij (y_j - x_i), from differences to one place
+        # sum_i share_ij (y_j - x_i); coordinates relative to one particle keep their digits
         centre = b[0][0]
         moved = share.sum(axis=0)[:, None] * (b[0] - centre) - share.T @ (a[0] - centre)
         moved *= length ** (1 - order)
@@ -328,15 +338,15 @@ class CloudWasserstein(Distance):
     inner : {"euclidean", "mahalanobis"}
         Distance of particles.
     covariance : (d, d) array-like, optional
-        Covariance of mahalanobis. By default it is the mean of the covariances of all clouds of the
-        run. Then only results of the same run are comparable.
+        Covariance of the inner distance mahalanobis. By default it is the mean of the covariances
+        of all clouds of the run. Then only results of the same run are comparable.
     reduction : Reduction, optional
         Reduction of each cloud before it is compared. The distance of reduced clouds is a metric on
         them.
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     gating : bool
-        Whether bounds exclude pairs. If False, the distance of every pair of a step is computed, as
+        True if bounds exclude pairs. If False, the distance of every pair of a step is computed, as
         a check.
 
     Raises
@@ -383,7 +393,7 @@ class CloudWasserstein(Distance):
 
     @property
     def inner_of_means(self) -> Distance:
-        """The inner distance, of points."""
+        """The inner distance, for points."""
         if self.covariance is not None:
             return Mahalanobis(covariance=self.covariance, scale=self.scale)
         return Norm(name="euclidean", power=2.0, scale=self.scale)
@@ -411,7 +421,7 @@ class CloudWasserstein(Distance):
         return record
 
     def fitted(self, sides: Sides) -> "CloudWasserstein":
-        """Return the distance with the mean covariance of all clouds, if it is requested."""
+        """Return the distance; mahalanobis without covariance gets the mean one of all clouds."""
         if self.inner != "mahalanobis" or self.covariance is not None:
             return self
         spreads = [side.clouds.covariances for side in sides if side.clouds is not None]
@@ -434,7 +444,7 @@ class CloudWasserstein(Distance):
             ) from None
 
     def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, Distance]:
-        """Scale, reduce, merge and whiten the clouds: then the distance is Euclidean."""
+        """Scale, reduce, merge and whiten the clouds; the inner distance is then Euclidean."""
         centre = np.concatenate([side.state[:1] for side in sides])[:1]
         factor = None if self.covariance is None else cholesky(self.covariance)
         ready = []
@@ -504,7 +514,8 @@ def reduced(
 ) -> Clouds:
     """Reduce every cloud, and notify the user if that takes long.
 
-    `histories` receives, for each cloud, the distances to it before each iteration.
+    `histories` receives a list for each cloud: the distances from its reduction to the cloud,
+    before each iteration.
     """
     is_large = clouds.counts > reduction.size
     if not is_large.any():
@@ -532,7 +543,7 @@ def fixed_directions(size: int, count: int | None, seed: int) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlicedPairs(CloudPairs):
-    """Distance of clouds of distinct particles along directions (V, d)."""
+    """Sliced or max-sliced distance of clouds of distinct particles, with V directions (V, d)."""
 
     directions: Floats
     maximum: bool
@@ -545,14 +556,14 @@ class SlicedPairs(CloudPairs):
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Return the distance of the means."""
         differences, total = [a - b for a, b in components], np.zeros(())
-        for direction in self.directions:  # one by one, as there may be many pairs
+        for direction in self.directions:  # one by one, to save memory if there are many pairs
             size = np.abs(sum(v * part for v, part in zip(direction, differences, strict=True)))
             total = np.maximum(total, size) if self.maximum else total + size**self.order
         whole = total if self.maximum else (total / len(self.directions)) ** (1 / self.order)
         return np.asarray(whole)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach by the largest Euclidean distance of the means of near clouds."""
+        """Return the reach of the means: the largest Euclidean distance that near clouds allow."""
         size = float(len(axes))
         factor = size if self.order == 1 and not self.maximum else np.sqrt(size)
         return super().reach(cutoff * factor * (1 + REACH_ROUNDING), axes)
@@ -562,8 +573,8 @@ class SlicedPairs(CloudPairs):
         return np.asarray(0.05 + 5e-5 * len(self.directions) * (sizes[0] + sizes[1]))
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Return the distance function; each cloud is sorted once for neighbouring pairs."""
-        centre = clouds[0].points[0]  # sums of small numbers keep their digits
+        """Return a function as `CloudPairs.one`, which keeps the sorted projections of clouds."""
+        centre = clouds[0].points[0]  # coordinates relative to it keep their digits in sums
         known: dict[tuple[int, int], Lines] = {}
 
         def lines(side: int, row: int) -> Lines:
@@ -581,7 +592,7 @@ class SlicedPairs(CloudPairs):
         return between
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return, for order 2, the distances of means and those of spreads, over all directions."""
+        """Return, for order 2, the parts of the distance by `CloudPairs`; None for the maximum."""
         return None if self.maximum else super().parts(pairs, sides)
 
 
@@ -599,7 +610,7 @@ class SlicedWasserstein(CloudWasserstein):
     order, inner, covariance, reduction, scale, gating
         As in `CloudWasserstein`; directions are in the space of the inner distance.
     maximum : bool
-        Whether to use the largest over the directions (max-sliced) instead of the mean.
+        True for the largest distance over the directions (max-sliced), False for the mean.
     directions : int, optional
         Number V of directions, at least 2. In two dimensions the default is 32, and direction k
         from 0 has the angle pi (k + 1/2) / V. In d > 2 dimensions the default is 24 d, and V is

@@ -31,7 +31,7 @@ class GaussianWasserstein(Distance):
 
     W2 is the Wasserstein distance of order 2. B is the least ``||F - G Q||`` over rotations and
     reflections Q, where the covariances are F F' and G G'. W2 is a metric on Gaussians. States
-    without covariance are points. Means are compared by the Euclidean norm, with its scales and
+    without covariance are points. Means are compared by the Euclidean norm, with scales and
     periods. With a periodic component W2 is still a metric, but it is not the distance of Gaussians
     on a circle.
 
@@ -75,7 +75,7 @@ class GaussianWasserstein(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power of the norm of the means, which is never larger than the distance."""
+        """Power of the norm of the means; the distance of the means is at most the distance W2."""
         return self._means.tree_power
 
     @cached_property
@@ -83,7 +83,7 @@ class GaussianWasserstein(Distance):
         return Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
-        """Return means and scaled lower factors of the covariances, each factored once."""
+        """Return means and scaled lower factors; each covariance is factored here, only once."""
         means = side.state[rows].T
         d, count = means.shape
         components = np.zeros((d * (d + 3) // 2, count))
@@ -110,7 +110,11 @@ class GaussianWasserstein(Distance):
         return self._parts(zip(a, b, strict=True))
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
-        """Return derivatives by the means: those of their distance, times this distance / W2."""
+        """Return the derivatives by the means of the estimates.
+
+        They are the derivatives of the distance of the means, times the ratio of this distance to
+        W2.
+        """
         slopes = self._means.slopes(pairs, sides)
         means, spreads = self.parts(pairs, sides)
         whole = np.hypot(means, spreads)
@@ -211,7 +215,7 @@ def _numbers(name: str, values: ArrayLike) -> Floats:
 
 
 def _factors(matrices: ArrayLike | None, d: int) -> Floats:
-    """Return lower factors (d (d + 1) / 2, ...)."""
+    """Return the components of the lower factors of the covariances, (d (d + 1) / 2, ...)."""
     if matrices is None:
         return np.zeros(d * (d + 1) // 2)
     array = _numbers("covariance", matrices)
@@ -241,12 +245,12 @@ def bures(factors: Sequence[Pair]) -> Floats:
 
 
 def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
-    """Return the Bures distance of two components, in closed form.
+    """Return the Bures distance of covariances of two components, in closed form.
 
     Let L1 and L2 be the lower factors, A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12``. The
-    best Q turns by the angle t of the vector (p, s). Q is a rotation because det A >= 0. Each
-    factor is turned by half of t, ``||L1 R(-t/2) - L2 R(t/2)||``, so that the result is symmetric,
-    and 0 for equal covariances.
+    best Q (see `GaussianWasserstein`) turns by the angle t of the vector (p, s). It is a rotation
+    because det A >= 0. R(t) is the rotation by t. The result is ``||L1 R(-t/2) - L2 R(t/2)||``:
+    with half of t for either factor it is symmetric, and 0 for equal covariances.
     """
     (a1, a2), (b1, b2), (c1, c2) = first, second, third
     s = b1 * c2 - b2 * c1
@@ -271,10 +275,11 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 
 
 def _bures_many(factors: Sequence[Pair]) -> Floats:
-    """Return the Bures distance of any number of components, by SVD in blocks of pairs.
+    """Return the Bures distance of covariances of any size, by the SVD of many pairs at a time.
 
-    Q = U V' where A = L2' L1 = U S V'. The entries of the factors decide which of two covariances
-    comes first. So an exchange of the two does not change the rounding.
+    The best Q is U V', where A = L2' L1 = U S V' for the lower factors L1 and L2. The entries of
+    the factors decide which of two covariances comes first. So an exchange of the two does not
+    change the rounding.
     """
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
@@ -295,7 +300,7 @@ def _bures_many(factors: Sequence[Pair]) -> Floats:
 
 
 def _dimension(count: int) -> int:
-    """Return d from the number of components, d of a mean and d (d + 1) / 2 of a factor."""
+    """Return d from the number of components: d of the mean and d (d + 1) / 2 of the factor."""
     d = covariances.size_of(count + 1) - 1
     if d < 1 or d * (d + 3) // 2 != count:
         raise InputError(

@@ -25,11 +25,13 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SINGULAR = 1e-6
-"""Pivot of the correlation matrix below which a matrix counts as singular."""
+"""A covariance counts as singular if the Cholesky factor of its correlations has a smaller number
+on the diagonal."""
 
 NEARLY_DETERMINED = 0.5
-"""The columns before a column leave a share of its standard deviation. If it is less than this, the
-search also sorts the residual of the column."""
+"""Largest standard deviation of a residual of a column, as a share of that of the column, at which
+the search also sorts by the residual. The residual is the column minus its regression on the
+columns before it."""
 
 LARGEST_REST = 1e300
 """Limit of residuals, so that their differences do not overflow."""
@@ -93,7 +95,7 @@ class Mahalanobis(Distance):
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the columns, and residuals of columns that earlier columns nearly determine."""
+        """Return the columns, then the residuals of those that earlier columns nearly determine."""
         weights = self._weights()
         if not len(weights):
             return axes
@@ -101,12 +103,14 @@ class Mahalanobis(Distance):
         return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the extent of the ellipsoid: c standard deviations of each column and residual.
+        """Return the cutoff times the standard deviation of each column and of each residual.
 
-        By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` for all weights f. Rounding of
-        the distance increases ``|L' f|`` by about 2^-50 of the sum of |f| in standard deviations,
-        because forward substitution is backward stable. Rounding of a residual is at most a similar
-        share of the sum of its terms. A state for which this sum overflows is near all states.
+        A column or a residual is a sum ``f' v`` with weights f, where v is the difference of two
+        states. By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` with C = L L'. Rounding
+        of the distance increases ``|L' f|`` by about 2^-50 of the sum of |f| in standard
+        deviations, because forward substitution is backward stable. Rounding of a residual is at
+        most a similar share of the sum of its terms. If this sum overflows for a state, the reach
+        is so large that the state is near all states on this axis.
         """
         deviation: Floats = self.__dict__["_deviation"] / np.asarray(self.scale or 1.0)
         plain = (cutoff * (1 + REACH_ROUNDING) ** 2 * deviation)[:, None]
@@ -119,7 +123,7 @@ class Mahalanobis(Distance):
         return np.concatenate((np.broadcast_to(plain, axes.shape), left))
 
     def _weights(self) -> Floats:
-        """Return the weights of the columns in the residuals (m, d)."""
+        """Return the weights of the d columns in each of the m residuals, (m, d)."""
         weights: Floats = self.__dict__["_residuals"][0]
         deviation: Floats = self.__dict__["_deviation"]
         return weights * (np.asarray(self.scale or 1.0) / deviation)
@@ -214,17 +218,20 @@ class PairMahalanobis(Distance):
         return axes[: covariances.size_of(len(axes) + 1) - 1]
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return c standard deviations; a mean variance is at most the larger one of the pair."""
+        """Return the cutoff times the standard deviations.
+
+        That is enough: the mean of two variances is at most the larger of the two.
+        """
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the pairs, after a check that the covariance of each is not singular.
+        """Return the pairs, after a check that the mean covariance of each is not singular.
 
         Raises
         ------
         InputError
-            The covariance of a pair is singular.
+            The mean covariance of a pair is singular.
         """
         truth, estimate = sides
         i, j = pairs.truth_row, pairs.estimate_row
@@ -275,7 +282,7 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
     """Return standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
     deviation: Floats = np.sqrt(np.diag(matrix))
     try:
-        with np.errstate(over="ignore"):  # correlations beyond 1 have no factor
+        with np.errstate(over="ignore"):  # infinity is refused below: it has no factor
             factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
     except np.linalg.LinAlgError:
         factor = np.zeros_like(matrix)
@@ -289,8 +296,9 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
 def _residuals(factor: Floats) -> tuple[Floats, Floats]:
     """Return weights f (m, d) of the residuals of m nearly determined columns, and ``|L' f|``.
 
-    A column minus its regression on the columns before it is f' v, in standard deviations. Here f
-    is its row of L^-1, scaled to 1 for the column itself. The accuracy of L^-1 does not matter.
+    Let L be `factor`, and v a state in standard deviations. The residual of a column, which is the
+    column minus its regression on the columns before it, is f' v. Here f is the row of L^-1 of the
+    column, scaled so that the column itself has the weight 1. The accuracy of L^-1 does not matter.
     """
     strong = np.diag(factor) < NEARLY_DETERMINED
     weights: Floats = (np.linalg.inv(factor) * np.diag(factor)[:, None])[strong]

@@ -1,5 +1,6 @@
-"""Search for pairs of one step nearer than the cutoff; time and memory grow with their number.
+"""Search for near pairs: an object and an estimate at one step, nearer than the cutoff.
 
+Time and memory grow with the number of these pairs.
 Some searches also return pairs beyond the cutoff. `tgospa_problem` in `problem.metric_family`
 decides which pairs are near.
 """
@@ -22,25 +23,27 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
 
 MAX_PAIRS = 128
-"""Largest number of pairs per row that are compared after sorting along one axis only."""
+"""Largest number of compared pairs per row in a search that sorts along one axis only."""
 
 NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
-"""Number of each norm in the compiled kernels, by its power."""
+"""Code for each norm in the compiled kernels, by the power of the norm."""
 
 Ranges = tuple[Ints, Ints]
-"""For truth and estimate: first row of each of T steps, and the row after its last (2, T)."""
+"""Rows of truth and of estimate at T steps. Either array (2, T) has the first row of each step, and
+the row after its last row."""
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
-    """Return for each of T steps its first row, and the row after its last (2, T)."""
-    wanted = np.empty((2, len(steps)), side.step.dtype)  # otherwise the whole column is converted
+    """Return the first row of each of T steps, and the row after its last row, (2, T)."""
+    # With another type, searchsorted would convert the whole column.
+    wanted = np.empty((2, len(steps)), side.step.dtype)
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
     return side.step.searchsorted(wanted)
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
-    """Return the near pairs of some steps; None if the kernels are not fast for these steps.
+    """Return the near pairs of some steps; None if the kernels cannot do so quickly.
 
     Parameters
     ----------
@@ -70,7 +73,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
 
 
 def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
-    """Return the kernels' number of a norm, and the scales; None if kernels cannot be used."""
+    """Return the code of a norm in the kernels, and its scales; None if they cannot compute it."""
     if kernels is None or not isinstance(distance, Norm) or distance.period is not None:
         return None
     if not all(side.state.flags.c_contiguous for side in sides):
@@ -85,23 +88,24 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 # Each point has a reach on each axis: near points differ by less than the larger of their two
 # reaches. The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the
 # largest reach. The candidates of a truth row are a few ranges of this order, found by bisection.
-# One axis after the other is used until the candidates are few. The exact differences of the
-# candidates decide, so that rounding of the cells adds candidates, and never loses pairs.
+# Axes are added one by one until the candidates are few. Rounding of the cells only adds
+# candidates, and loses no pair. The exact differences of the candidates decide afterwards.
 #
 # If many candidates are left and reaches are unequal, points with small and with large reaches are
-# searched separately, recursively. If many are still left, a tree is searched.
+# searched separately, recursively. If many candidates are left even so, a tree is searched.
 
 CANDIDATES_TOGETHER = 1 << 14
-"""Number of candidates compared at a time; those of one truth row are never divided."""
+"""Number of candidates compared at a time; the candidates of a truth row stay together."""
 
 FEW_CANDIDATES = 8
-"""Number of candidates per row up to which no further axis is used."""
+"""Number of candidates per row that are few enough, so that no further axis is used."""
 
 CELL_AXES = 3
-"""Largest number of axes of cells; each but the first triples the ranges of a truth row."""
+"""Largest number of axes that are divided into cells. Each axis after the first one triples the
+number of ranges of a truth row."""
 
 MANY_CANDIDATES = 64
-"""Number of candidates per row and per near pair above which a tree is faster."""
+"""A tree is faster if there are more candidates than this for each row, and for each near pair."""
 
 SAMPLED_TRUTHS = 100
 """Number of truth rows whose near pairs are counted, to estimate the number of all near pairs."""
@@ -122,7 +126,7 @@ class SearchedSide:
     step : (R,) int array
         Step of each row, counted from the first of the steps.
     at : (steps + 1,) int array
-        First row of each step, counted from `first`, and the number of rows.
+        First row of each step, counted from `first`; at the end, the number of rows.
     axes : (d, R) float array
         Coordinates.
     """
@@ -134,14 +138,17 @@ class SearchedSide:
 
 
 Candidates = tuple[Ints, Ints, Ints]
-"""An order of the estimate rows. The candidates of a truth row are ranges of this order: their
-begins and their lengths are the other two arrays (ranges, R)."""
+"""An order of the estimate rows; begins and lengths of ranges of this order, (ranges, R) each. The
+candidates of a truth row are the estimate rows in its ranges."""
 
 
 def search(
     a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, in order, all pairs within the larger reach on every axis, and maybe other pairs.
+    """Yield, in order, all pairs that may be near, and maybe other pairs.
+
+    A pair is a row of `a` and a row of `b`. It may be near in this case: on every axis its points
+    differ by less than the larger of their reaches, and `power` allows it.
 
     Parameters
     ----------
@@ -150,8 +157,9 @@ def search(
     reaches : two (d, R) or (d, 1) float arrays
         Reaches of `a` and of `b`; finite and > 0.
     power : float
-        Power of a Minkowski norm. For all pairs that are needed, this norm of the differences in
-        units of the larger reach is at most 1.
+        Power of a Minkowski norm (`Distance.tree_power`). Divide the difference of two points on
+        each axis by the larger reach. If the norm of the quotients is above 1, the pair is not
+        near.
     """
     if not len(a.step) or not len(b.step):
         return
@@ -208,7 +216,7 @@ def _divided(
 
 
 def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
-    """Return candidates by as few axes as leave few of them; axes with wide spreads come first."""
+    """Return candidates; add axes, those with wide spreads first, until the candidates are few."""
     begin = b.at[a.step]
     candidates: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
     enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
@@ -233,13 +241,14 @@ def _by_cells(
 ) -> Candidates:
     """Return candidates by cells along all axes; the cells along the first axis are finer.
 
-    A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
-    2^-12. With n cells per reach, widened by 2^-10, numbers of near points differ by at most n:
+    Let `low` be the least coordinate. The point x is in the cell floor((x - low) / w) < 2^40 of
+    width w, where the quotient is exact to 2^-12. There are n cells in a reach widened by 2^-10. So
+    the indices of the cells of near points x and y differ by at most n:
     |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
-    The numbers of all axes and of the step make one key. A margin on each axis separates the
-    neighbours of different keys. If a key would have too many bits, or the quotient too few, the
-    cells are wider.
+    The step and the indices of all axes make one key. Empty cells at the ends of each axis separate
+    the neighbours of different keys. If a key would have too many bits, or the quotient too few,
+    the cells are wider.
     """
     bits = min(40, (62 - len(a.at).bit_length()) // len(axes) - 1)
     key_a, key_b = a.step, b.step
@@ -273,7 +282,10 @@ def _by_cells(
 def _compared(
     truth: Floats, estimate: Floats, candidates: Candidates, reach: Floats
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, in order and in pieces, the candidates that are near on each of the axes (d, R)."""
+    """Yield, in order and in pieces, the candidates that differ by less than `reach` on each axis.
+
+    `truth` and `estimate` have the coordinates (d, R).
+    """
     order, begin, count = candidates
     ordered = [y.take(order) for y in estimate]
     total = count.sum(axis=0)
@@ -318,7 +330,7 @@ ROWS_TOGETHER = 1 << 15
 """Number of rows searched at a time; a step is never divided."""
 
 
-# Differences and sums of huge coordinates may overflow to infinity, which is right for them.
+# Differences and sums of huge coordinates may overflow to infinity; results are right all the same.
 @np.errstate(over="ignore", invalid="ignore")
 def near_pairs(
     truth: Trajectories,
@@ -327,9 +339,9 @@ def near_pairs(
     distance: Distance,
     resources: Resources | None = None,
 ) -> Pairs:
-    """Return pairs of one step nearer than `cutoff`, in one thread unless `resources` has more.
+    """Return the pairs at one step that are nearer than `cutoff`.
 
-    Both sides must be at the same times.
+    Both sides must be at the same times. The work is in one thread if there are no `resources`.
     """
     resources = resources or Resources(jobs=1)
     sides, distance = distance.prepared((truth, estimate), resources)
@@ -339,7 +351,7 @@ def near_pairs(
 def prepared_pairs(
     sides: Sides, cutoff: float, distance: Distance, resources: Resources, *, margin: float = 0.0
 ) -> Pairs:
-    """Return near pairs as `near_pairs`, of sides prepared by `Distance.prepared`.
+    """Return near pairs as `near_pairs` does, for sides that come from `Distance.prepared`.
 
     With a `margin`, pairs up to this distance beyond the cutoff are included.
     """
@@ -395,7 +407,7 @@ def _prepared_pairs(
 def _search(
     a: SearchedSide, b: SearchedSide, cutoff: float, distance: Distance
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield candidates by the axes of the embedded states on which all reaches are finite."""
+    """Embed the states, search on the axes with finite reaches, and yield the candidates."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
     finite = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
@@ -433,7 +445,10 @@ def starts_of_steps(side: Trajectories) -> Ints:
 
 
 def _together(done: Ints) -> Iterator[tuple[int, int]]:
-    """Yield ranges of steps with about `ROWS_TOGETHER` rows; `done` counts rows before a step."""
+    """Yield ranges of steps with about `ROWS_TOGETHER` rows.
+
+    `done` has the number of rows before each step.
+    """
     cuts = np.flatnonzero(np.diff(done[:-1] // ROWS_TOGETHER)) + 1
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 

@@ -1,4 +1,4 @@
-"""Clouds with fewer particles: Dirac mixture reduction, for single clouds.
+"""Reduction of a particle cloud to fewer particles (Dirac mixture reduction).
 
 The sliced method minimises the mean squared Wasserstein distance of projections,
 
@@ -41,8 +41,8 @@ from tgospa_eval.quoting import quoted
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
 
 PRIOR = 100.0
-"""Variance of particles before a sweep of the recursive method, relative to the variance of a slot
-mean."""
+"""Variance that the recursive method assumes for the positions before each iteration. The unit is
+the variance of a slot mean."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ class Reduction:
         points, weights = cloud
         if self.size >= len(points):
             return cloud, []
-        points, weights = merged(cloud)  # sorted, so that equal clouds are reduced alike
+        points, weights = merged(cloud)  # sorted, so that equal clouds have equal reductions
         if self.size >= len(points):
             return (points, weights), []
         rng = np.random.default_rng(self.seed)
@@ -139,7 +139,7 @@ class Reduction:
         if self.method in RESAMPLING:
             chosen = sampled(weights, self.size, self.method, None, rng)
             return (points[chosen], np.full(self.size, 1 / self.size)), []
-        centre = weights @ points  # sums of small numbers keep their digits
+        centre = weights @ points  # coordinates relative to it keep their digits in sums
         centred = points - centre, weights
         step = _METHODS[self.method](self, centred, rng)
         attempts = []
@@ -158,7 +158,7 @@ class Reduction:
         return (x + centre, mass), costs
 
     def _improved(self, cloud: Cloud, x: Floats, step: "Step") -> tuple[Cloud, list[float]]:
-        """Iterate until positions stay, or the limit is reached; then polish."""
+        """Iterate until positions do not change, or up to the limit; then polish."""
         costs = []
         for _ in range(self.iterations):
             before = x
@@ -270,11 +270,11 @@ def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
     return size * np.diff(np.interp(np.arange(size + 1) / size, mass / mass[-1], moment))
 
 
-# --- methods: from a cloud to a step that improves positions --------------------------------------
+# --- methods: each takes a cloud, and returns a function that improves positions ------------------
 
 Step = Callable[[Floats], tuple[Cloud, float]]
-"""Function that takes positions, and returns better positions with weights, and the cost of the
-given ones."""
+"""Function that takes positions, and returns better positions with their weights, and the cost of
+the given positions."""
 
 
 def _projections(
@@ -299,10 +299,10 @@ def _projections(
 
 
 def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
-    """Return for each direction and particle the slot mean of the rank of the particle, (V, n).
+    """Return the slot mean that belongs to the rank of each particle in each direction, (V, n).
 
-    Equal projections are ranked in the order of `x`. So particles that coincide have different
-    ranks, and separate.
+    `v` are the directions, `b` the slot means, and `x` the positions. Equal projections are ranked
+    in the order of `x`. So particles at the same place have different ranks, and separate.
     """
     order = np.argsort(v @ x.T, axis=1, kind="stable")
     matched = np.empty_like(b)
@@ -325,7 +325,8 @@ def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -
     """Iterate ``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each v.
 
     [Prossel] equations 19 to 24, with the gain in equation 20: least squares with a weak pull to
-    the start. Ranks are those of the start; updated ranks lead to worse positions.
+    the start. Ranks are computed once, before the first v: new ranks for each v lead to worse
+    positions.
     """
     v, b, within = _projections(reduction, cloud, rng)
 

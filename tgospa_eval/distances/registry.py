@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _distance(name: str, value: Any) -> "Distance":
-    """Return the record of a distance, or of a class with its default settings."""
+    """Return a distance as it is, or an object of a class of distances with default settings."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     record = value() if isinstance(value, type) else value
@@ -42,11 +42,11 @@ DISTANCES: "Registry[Distance]" = Registry(
     },
     _distance,
 )
-"""Base distances by name; Mahalanobis without its covariance."""
+"""Base distances by name; "mahalanobis" has no covariance yet."""
 
 
 def as_distance(distance: "str | Distance | None") -> "Distance":
-    """Return the record of a distance or of a name, with default settings; by default euclidean."""
+    """Return a distance as it is, or the one with this name; euclidean by default."""
     from tgospa_eval.distances.base import Distance  # lazy: imports numpy
 
     if isinstance(distance, Distance):

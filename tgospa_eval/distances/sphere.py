@@ -67,9 +67,9 @@ class Haversine(Distance):
             h = sin(dlat / 2)^2 + cos(lat a) cos(lat b) sin(dlon / 2)^2,
             1 - h = sin(mean lat)^2 + cos(lat a) cos(lat b) cos(dlon / 2)^2,
 
-        where 1 - h is the value of h for the antipode of b. The distance is ``2 R atan2(sqrt(h),
-        sqrt(1 - h))``. h and 1 - h are sums of squares without cancellation, so that neither tiny
-        distances nor distances of antipodes lose digits.
+        where 1 - h is the value of h for the antipode of b. With the radius R of the Earth, the
+        distance is ``2 R atan2(sqrt(h), sqrt(1 - h))``. h and 1 - h are sums of squares without
+        cancellation, so that neither tiny distances nor distances of antipodes lose digits.
         """
         (lat_a, lat_b), (lon_a, lon_b) = components
         turn = np.abs(np.fmod(np.fmod(lon_a, 360.0) - np.fmod(lon_b, 360.0), 360.0))
@@ -104,7 +104,7 @@ class Haversine(Distance):
         )
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff, with room for rounded points: a chord is never longer than its arc."""
+        """Return the cutoff plus the rounding of points: a chord is never longer than its arc."""
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
 
@@ -114,7 +114,7 @@ def _cosine(latitude: Floats) -> Floats:
 
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
-"""The ellipsoid WGS 84, in metres."""
+"""Semi-major axis in metres, and flattening, of the ellipsoid WGS 84."""
 
 ECCENTRICITY = FLATTENING * (2 - FLATTENING)
 """Square of the first eccentricity of WGS 84."""
@@ -204,8 +204,9 @@ class Geodesic(Distance):
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
         """Return derivatives by latitude, longitude (metres per degree) and height of ``b``.
 
-        The derivatives of s are the cosine of the direction at b times the radius of the meridian,
-        and its sine times the radius of the parallel.
+        Let s be the length of the path, and a its direction at b. The derivative of s by latitude
+        is cos a times the radius of the meridian; that by longitude is sin a times the radius of
+        the parallel.
         """
         direction, path = self._paths((a[0], a[1]), (b[0], b[1]))
         direction, latitude = np.radians(direction), np.radians(b[0])
@@ -233,7 +234,7 @@ class Geodesic(Distance):
         return np.array([*points, *(self.vertical_weight * axes[len(PLACES) :])])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff, with room for rounded points: a chord is never longer than a path."""
+        """Return the cutoff plus the rounding of points: a chord is never longer than a path."""
         height = self.vertical_weight * np.abs(axes[len(PLACES) :]).max(initial=0.0)
         room = cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS
         return np.full((len(axes) + 1, 1), room + REACH_ROUNDING * height)

@@ -36,7 +36,8 @@ def as_cloud(
 ) -> tuple[Floats, Floats]:
     """Check and return points (N, d) and weights (N,) with the sum 1; `name` begins the messages.
 
-    None means equal weights. A warning names the line `depth` calls further out.
+    None means equal weights. A warning names a line of the user: `depth` is the number of calls
+    from there to this function.
 
     Warns
     -----
@@ -75,7 +76,8 @@ def as_cloud(
     fault = _weight_fault(given)
     if fault:
         raise ConfigError(f"{name}: {fault}")
-    # Divide first, as huge weights overflow. An exact sum ignores the order of particles.
+    # Weights are divided first, so that sums of huge weights do not overflow. An exact sum does not
+    # depend on the order of particles.
     largest = float(given.max())
     scaled = given / largest
     total = math.fsum(scaled)
@@ -89,7 +91,7 @@ def as_cloud(
 
 
 def _weight_fault(weights: Floats) -> str:
-    """Return the fault of the weights of a cloud, with one such weight; blank if they are valid."""
+    """Return what is wrong with the weights of a cloud, with an example; "" if they are valid."""
     what = "" if (weights > 0).any() else "all weights are zero"
     for wrong, name in (
         (weights < 0, "a weight is negative"),
@@ -154,7 +156,7 @@ def resample_cloud(
 ) -> tuple[Floats, Floats]:
     """Draw particles with replacement, each with the weight ``1 / size``.
 
-    The i-th drawn particle is the first whose cumulative weight exceeds u_i, where
+    Drawn particle i, from 0, is the first particle whose cumulative weight exceeds u_i, where
 
     - systematic: ``u_i = (i + U) / size`` with one U;
     - stratified: ``u_i = (i + U_i) / size``;
@@ -206,7 +208,7 @@ def sampled(
     offset: float | ArrayLike | None = None,
     rng: "np.random.Generator | int | None" = None,
 ) -> NDArray[np.intp]:
-    """Return drawn positions of particles; the weights must sum to 1."""
+    """Return the positions of drawn particles in the cloud; the weights must sum to 1."""
     if method not in RESAMPLING:
         raise ConfigError(f"method is {quoted(method)}: must be one of {', '.join(RESAMPLING)}")
     count = 1 if method == "systematic" else size
@@ -221,7 +223,7 @@ def sampled(
             f"offset must be one number{'' if count == 1 else f' or {count} numbers'} in [0, 1]"
         )
     at = within if method == "multinomial" else (np.arange(size) + within) / size
-    # Rounding may leave the last sum below 1, and a particle without weight is never drawn.
+    # If rounding leaves the last sum below 1, draw the last particle that has a weight.
     last = np.flatnonzero(weights)[-1]
     return np.searchsorted(np.cumsum(weights), np.broadcast_to(at, (size,)), side="right").clip(
         max=last
@@ -242,7 +244,7 @@ ASSIGNED = 200
 """Number of particles up to which an assignment is faster than transport."""
 
 WIDEST = 1e150
-"""Largest whitened coordinate, so that squares are doubles."""
+"""Largest whitened coordinate, so that squares do not overflow."""
 
 MAX_PARTICLES = 4000
 """Largest number of particles of each of two clouds of equal size. Their costs take 128 MB, and
@@ -260,7 +262,7 @@ def too_large() -> str:
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 WEIGHT_ROUNDING = 1e-13
-"""Share of a weight that rounding may change if sums and quotients have another order."""
+"""Share of a weight by which rounding may change it if sums and quotients have another order."""
 
 
 def cloud_wasserstein(
@@ -437,9 +439,9 @@ def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
 
 
 def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
-    """Return ``L^-1 (x - centre)`` by forward substitution.
+    """Return ``L^-1 (x - centre)`` by forward substitution, where L is `factor`.
 
-    It uses no routine for matrices, which may round equal particles differently.
+    Routines for matrices are not used, because they may round equal particles differently.
     """
     solved = np.empty(points.shape)
     for k, row in enumerate(factor):
@@ -457,7 +459,10 @@ def merged(cloud: Cloud) -> Cloud:
 
 
 def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Return distinct particles of weight > 0, their weights, and the place of each particle."""
+    """Return distinct particles of weight > 0, their weights, and where each given particle went.
+
+    The last result has the position of each given particle among the distinct ones, or -1.
+    """
     points, weights = cloud
     order = np.lexsort(points.T[::-1])
     ordered = points[order]
@@ -472,7 +477,7 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
-    """Return W_q of two clouds; distinct, sorted particles of positive weight save time."""
+    """Return W_q of two clouds. Distinct, sorted particles with weights > 0 make it faster."""
     if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
@@ -498,10 +503,10 @@ def are_alike(a: Cloud, b: Cloud) -> bool:
 
 
 def plan(a: Cloud, b: Cloud, order: int) -> Floats:
-    """Return an optimal plan (N, M); coincident particles share the mass of their place."""
+    """Return an optimal plan (N, M); particles at the same place share the mass of this place."""
     (x, u, at_x), (y, v, at_y) = _merged(a), _merged(b)
     _check_size((x, u), (y, v))
-    # Merged points of a line are sorted, and their plan runs along the diagonal.
+    # In one dimension merged points are sorted, so that the north-west corner rule is optimal.
     is_line = x.shape[1] == 1
     best = north_west(u, v) if is_line else _optimal(u, v, _costs(x, y, order))
     shares = [
@@ -522,27 +527,29 @@ def north_west(u: Floats, v: Floats) -> Floats:
 def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
     """Cut the mass into pieces: return the particle of each cloud, and the mass of each piece.
 
-    The shape of each result is (V, N + M - 1). `u` (V, N) and `v` (V, M) are running weights of
-    sorted particles. Their first axis has size 1 if the weights are the same for all V lines.
+    The shape of each result is (V, N + M - 1). `u` (V, N) and `v` (V, M) are running sums of the
+    weights of the particles, sorted along each of V lines. The first axis has size 1 if the weights
+    are the same for all lines.
     """
     rows = max(len(u), len(v))
     inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]
     cuts = np.concatenate(inner, axis=1)
     by_place = np.argsort(cuts, axis=1, kind="stable")
     cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
-    of_u = by_place < u.shape[1] - 1  # otherwise of v
+    of_u = by_place < u.shape[1] - 1  # else a cut of v
     i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
     return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
 
 
 Lines = tuple[Floats, Floats]
-"""Sorted projections (V, N) of a cloud, and running weights, (V, N) or (1, N)."""
+"""Sorted projections (V, N) of a cloud on V lines, and running sums of their weights, (V, N) or
+(1, N)."""
 
 
 def on_lines(cloud: Cloud, directions: Floats) -> Lines:
-    """Return sorted places of the particles along directions (V, d), with running weights.
+    """Return sorted projections on directions (V, d), with running sums of their weights.
 
-    It uses no routine for matrices, which may round equal particles differently.
+    Routines for matrices are not used, because they may round equal particles differently.
     """
     points, weights = cloud
     places = sum(v[:, None] * x for v, x in zip(directions.T, points.T, strict=True))
@@ -574,7 +581,7 @@ def _check_size(a: Cloud, b: Cloud) -> None:
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:
-    """Return distances of particles to the power q, without cancellation, from differences."""
+    """Return distances of particles to the power q, from differences, so that no digits cancel."""
     from scipy.spatial.distance import cdist
 
     return np.asarray(cdist(x, y, "sqeuclidean" if order == 2 else "euclidean"))
@@ -590,7 +597,7 @@ def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
         table = np.zeros(costs.shape)
         table[linear_sum_assignment(costs)] = 1 / len(u)
         return table
-    # POT returns 0 for invalid weights; these are valid.
+    # POT returns 0 for invalid weights. The weights are valid here, so their sums need no check.
     best, log = _pot().emd(u, v, costs, numItermax=10_000_000, log=True, check_marginals=False)
     if log["warning"] is not None:
         raise SolverError(f"POT did not solve a transport: {log['warning']}")

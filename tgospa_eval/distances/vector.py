@@ -24,10 +24,11 @@ errors, they are too coarse for this cutoff anyway."""
 
 @dataclass(frozen=True, kw_only=True)
 class Norm(Distance):
-    """``|delta|_q``, ``delta_k = s_k min(r_k, P_k - r_k)``, ``r_k = |a_k - b_k| mod P_k``.
+    """Minkowski norm of the difference of two points, with scales and periods.
 
-    It is the Minkowski norm of the difference, with scales s and periods P. By default scales are 1
-    and periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are
+    For points a and b it is the norm of the vector delta, ``delta_k = s_k min(r_k, P_k - r_k)``,
+    where ``r_k = |a_k - b_k| mod P_k``, with scales s and periods P. By default scales are 1 and
+    periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are
     wrapped first, in the unit of the column, and then scaled.
 
     Parameters
@@ -61,7 +62,11 @@ class Norm(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power of the search tree: 2 instead of 1 for periods, as chords may exceed arcs."""
+        """Power of the search tree: that of the norm, but at least 2 with periods.
+
+        With periods, the search sorts points on circles. The Euclidean length of a chord is at most
+        its arc, but the sum of its two coordinates may be longer.
+        """
         return max(self.power, 2.0) if self.period is not None else self.power
 
     def error(self, dimension: int) -> float:
@@ -74,7 +79,7 @@ class Norm(Distance):
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
     def margin(self, sides: Sides, cutoff: float) -> float:
-        """Return how far from the cutoff rounding may matter, as `Distance.margin`.
+        """Return a margin around the cutoff in which rounding may decide if a pair is near.
 
         Differences, decimal coordinates and remainders by a period are rounded.
         """
@@ -86,7 +91,7 @@ class Norm(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Return, exactly, for each of N pairs whether it is nearer than its own cutoff, (N,)."""
-        from fractions import Fraction  # lazy: as in `exactly_nearer`
+        from fractions import Fraction  # lazy: slow to import, and few pairs are at the cutoff
 
         def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             sizes = [abs(x - y) for x, y in zip(a, b, strict=True)]
@@ -103,7 +108,7 @@ class Norm(Distance):
         return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
-        """Return how much the last places of states change a distance, as `Distance.last_place`.
+        """Return roughly how much a distance changes with the last bits of states.
 
         Without periods it is 0, because differences of doubles are exact to their last place.
         """
@@ -112,7 +117,7 @@ class Norm(Distance):
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distance of states, given component by component, without overflow."""
+        """Return the distances of states (see `Distance.between`), without overflow."""
         sizes = self._sizes(components)
         if self.power == 1.0:
             return reduce(np.add, sizes)
@@ -141,7 +146,7 @@ class Norm(Distance):
         if self.power == np.inf:
             largest = np.argmax(np.abs(difference), axis=0) == np.arange(len(difference))[:, None]
             return np.where(largest, scale * sign, 0.0)
-        length = reduce(np.hypot, np.abs(difference))  # for a single component its absolute value
+        length = reduce(np.hypot, np.abs(difference))  # np.abs: hypot needs two components
         return scale * shares(difference, length)
 
     def embed(self, axes: Floats) -> Floats:
@@ -158,7 +163,7 @@ class Norm(Distance):
         return np.array(points)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the cutoff in the unit of each column, which no difference may exceed."""
+        """Return the cutoff in the unit of each column: near points differ by less."""
         if self.scale is None and self.period is None:
             return np.full((len(axes), 1), cutoff)
         reach: list[float] = []

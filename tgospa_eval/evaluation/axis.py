@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
@@ -41,7 +41,7 @@ class Outages:
     Parameters
     ----------
     lengths : (K,) float array
-        Length of each outage, in seconds or the unit of the timestamps.
+        Time with a true object in each outage, in seconds or the unit of the timestamps.
     ticks : (N,) array
         Timestamps of the truth in the outages.
     states : int
@@ -302,8 +302,9 @@ def _find_outages(
 
     `near_times` are the timestamps at which an estimate is near a true object. The first and the
     last timestamp of the truth, and those of `near_times` between them, divide time into intervals.
-    An interval is an outage if it is longer than `TimeMatching.outage`. If that is not a duration,
-    it must be longer than `SILENCE` times the median time between consecutive `near_times`.
+    The length of an interval is the time in it with a true object. An interval is an outage if it
+    is longer than `TimeMatching.outage`. If that is not a duration, it must be longer than
+    `SILENCE` times the median time between consecutive `near_times`.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -311,7 +312,13 @@ def _find_outages(
     ticks = np.unique(ticks[np.isin(estimate.times, near_times)])
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
-    lengths = np.diff(ends) / second
+    _, begin, end, spans = between_rows(truth)
+    inside = spans <= _longest_gap(spans, matching)
+    objects = np.bincount(begin[inside], minlength=len(own))
+    objects -= np.bincount(end[inside], minlength=len(own))
+    without = np.diff(own) / second * (np.cumsum(objects)[:-1] == 0)
+    without = np.interp(ends - own[0], own - own[0], np.append(0, np.cumsum(without)))
+    lengths = np.diff(ends) / second - np.diff(without)
     intervals = np.diff(ticks) / second
     longest = SILENCE * float(np.median(intervals)) if len(intervals) else 0.0
     if isinstance(matching.outage, Duration):
@@ -328,6 +335,51 @@ def _find_outages(
         states=int(np.count_nonzero(inside[truth.step])),
         counted=matching.outage != "none",
     )
+
+
+def between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
+    """Return intervals between consecutive rows of an object: track, both steps, and length.
+
+    Objects with a single row count as one object, with track -1.
+    """
+    is_single = np.bincount(truth.track)[truth.track] == 1
+    track = np.where(is_single, -1, truth.track)
+    order = np.argsort(track, kind="stable")
+    track, step = track[order], truth.step[order]
+    spans = np.diff(truth.times[step]) / (SECOND if truth.clock != "number" else 1)
+    same = (track[1:] == track[:-1]) & (spans > 0)
+    return track[1:][same], step[:-1][same], step[1:][same], spans[same]
+
+
+def _longest_gap(spans: Floats, matching: TimeMatching) -> float:
+    """Return the longest interval between two rows of an object across which it exists."""
+    if matching.interpolate == "truth":
+        return float(matching.gaps[0])
+    return SILENCE * float(np.median(spans)) if len(spans) else 0.0
+
+
+def near_in_outages(
+    sides: Sides, outages: Outages, matching: TimeMatching, distance: Distance, cutoff: float
+) -> tuple[float, int]:
+    """Count estimate states in outages that are near the truth if it is interpolated.
+
+    Returns
+    -------
+    gap : float
+        Longest gap across which the truth is interpolated.
+    states : int
+        Number of these states.
+    """
+    truth, estimate = sides
+    gap = float(f"{_longest_gap(between_rows(truth)[-1], matching):.2g}")
+    names = "truth", "estimate"
+    moved, _ = _made(truth, estimate, Duration.of(gap, "max-gap"), matching, distance, names)
+    pair, near = _near(moved, estimate, matching, distance, cutoff)
+    rows = np.unique(near.estimate_row)
+    place = np.searchsorted(truth.times, pair.estimate.times[pair.estimate.step[rows]])
+    around = truth.times[place.clip(1) - 1], truth.times[place.clip(max=len(truth.times) - 1)]
+    silent = np.isin(around, outages.ticks).all(axis=0)
+    return gap, int(np.count_nonzero(silent))
 
 
 def _stamped(
@@ -402,11 +454,8 @@ def truth_gaps(
     """
     if matching.interpolate != "truth" and matching.resample is None:
         return None
-    order = np.argsort(truth.track, kind="stable")
-    track, time = truth.track[order], truth.times[truth.step[order]]
-    second = SECOND if truth.clock != "number" else 1
-    intervals = np.diff(time) / second
-    wide = (track[1:] == track[:-1]) & (intervals > float(matching.gaps[0]))
+    track, _, _, intervals = between_rows(truth)
+    wide = (track >= 0) & (intervals > float(matching.gaps[0]))
     if not wide.any():
         return None
     narrow, estimate = axis.sides
@@ -424,5 +473,5 @@ def truth_gaps(
         states = len(near_rows)
         if axis.reports is not None:
             states = int(np.count_nonzero(np.isin(axis.reports.row, near_rows)))
-    names = sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()})
+    names = sorted({str(truth.ids[i]) for i in track[wide].tolist()})
     return intervals[wide], names, states

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +66,13 @@ class AlignedPair:
         Base distance, fitted to the data.
     axis : Axis
         Both sides at their steps, with the numbers of states that were interpolated or left out.
+    headers : mapping of str to str
+        Header of each column of the estimate, if it is a table.
+    same_header : str
+        Option with which the times of truth and estimate are read from columns of the same name.
+        Blank if this is so already, or if there are no such columns.
+    in_parts : bool
+        Whether the data are read in parts, and this is one of them. Parts are not interpolated.
     """
 
     given: tuple[Trajectories, Trajectories]
@@ -73,6 +80,16 @@ class AlignedPair:
     alignment: Alignment
     distance: Distance
     axis: Axis
+    headers: Mapping[str, str] = field(default_factory=dict)
+    same_header: str = ""
+    in_parts: bool = False
+
+    def of_parts(self, request: EvaluationRequest) -> EvaluationRequest:
+        """Return the request for parts of both sides, with the distance and the period of all."""
+        matching, reports = request.time_matching, self.alignment.reports
+        if reports is not None:
+            matching = replace(matching, period=reports.period)
+        return replace(request, distance=self.distance, time_matching=matching)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -476,7 +493,7 @@ def _recorded(
     files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
     digests = [digest(side.reduced_to(kinds), existence=likely) for side in sides.given]
     counts = aligned.truth.reduced_to(kinds)
-    is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
+    is_whole = sides.read[0] is sides.given[0] and len(counts.step) == len(sides.read[0].step)
     sha256 = digests[0] if is_whole else digest(counts, existence=likely)
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
@@ -534,6 +551,8 @@ def fit(
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.reports is not None:
         aligned = replace(aligned, reports=axis.reports)
+    if request.step_weights is not None:
+        aligned = _weighted(aligned, request.step_weights.on(aligned.truth)[0])
     if time_matching.of_estimate:  # the horizon has the timestamps of estimate and outages
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
@@ -552,6 +571,20 @@ def fit(
     fitted = distance.fitted((aligned.truth, aligned.estimate))
     both = truth, estimate
     return AlignedPair(given=given, read=both, alignment=aligned, distance=fitted, axis=axis)
+
+
+def _weighted(aligned: Alignment, weights: Floats) -> Alignment:
+    """Return both sides without the rows at steps with weight 0; the steps stay."""
+    if weights.all():
+        return aligned
+    rows = [np.flatnonzero(weights[side.step] > 0) for side in (aligned.truth, aligned.estimate)]
+    reports = aligned.reports
+    return replace(
+        aligned,
+        truth=aligned.truth.chosen(rows[0]),
+        estimate=aligned.estimate.chosen(rows[1]),
+        reports=reports and replace(reports, row=reports.row[rows[1]]),
+    )
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

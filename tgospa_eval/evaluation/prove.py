@@ -257,25 +257,30 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     error u / sqrt(12), and the difference of two decimals has u / sqrt(6). The cost d^p of a pair
     with the distance d has p d^(p - 1) times the error of d. Errors of pairs are independent, so
     their squares add up.
+
+    If u is 1 or more, integers may also have been rounded, and states may only seem to be equal.
     """
     largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
     sides = prepared.truth, prepared.estimate
-    if largest < LARGE or all((states % 1 == 0).all() for states in sides):
-        return ()
-    states, cutoff, order = proof.states, proof.parameters.cutoff, proof.parameters.order
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
-    spacing = float(np.spacing(largest))
-    error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
-    total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # the bounds show larger errors
-        return ()
+    spacing, cutoff, order = math.ulp(largest), proof.parameters.cutoff, proof.parameters.order
+    what = "finer digits of coordinates are lost"
+    if spacing < max(1, ROUNDED_DIGIT * cutoff):
+        if largest < LARGE or all((states % 1 == 0).all() for states in sides):
+            return ()
+        states = proof.states
+        used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+        slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
+        error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
+        total = proof.breakdown.total
+        if not ROUNDED_DIGIT * total < error < total:  # above, the bounds show the rounding
+            return ()
+        digit = math.ceil(-math.log10(error / total))
+        what = f"digit {digit} of the total may come from rounding"
     return (
         Notice(
             code="rounded-coordinates",
             text=f"floating-point numbers near the largest coordinate, {largest:.3g}, are "
-            f"{spacing:.2g} apart: digit {math.ceil(-math.log10(error / total))} of the "
-            "total may come from rounding",
+            f"{spacing:.2g} apart: {what}",
             remedy="use coordinates with a nearby origin, which keep more digits",
         ),
     )

@@ -31,6 +31,9 @@ Sums: TypeAlias = Mapping[str, Any]
 HALF = 0.5 - 1e-9
 """Smallest weight with which an object counts as followed, with room for rounding."""
 
+ROUNDED = 1e-12
+"""Largest share of all weights that is the rounding of a sum of weights."""
+
 ALIKE = 1e-6
 """Largest relative difference of two spans of time that count as equal."""
 
@@ -306,7 +309,7 @@ SUMMED = ("bent", "places", "velocities", "moving", "along", "way", "speeds", "s
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
 def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
     """Return the summary of an evaluation, given its states and pairs."""
-    horizon = evaluation.evaluated_on.each
+    count = max(len(tracked.timestamps), 1)
     truth, estimate, weight = tracked.truth, tracked.estimate, tracked.weight
     whose, who = truth.track[tracked.at], estimate.track[tracked.to]
     assigned, states = float(weight.sum()), (truth.per_track(), estimate.per_track())
@@ -344,11 +347,11 @@ def summarise(evaluation: Evaluation, tracked: Tracked) -> Summary:
         "breaks": stretches.breaks,
         "mean_time_between_breaks": ratio(stretches.time, stretches.breaks),
         "false_tracks": int(false.sum()),
-        "false_tracks_per_step": ratio(float(states[1][false].sum()), horizon),
+        "false_tracks_per_step": ratio(float(states[1][false].sum()), count),
         "false_track_length": mean(states[1][false]),
-        "cardinality_error": ratio(float(surplus.sum()), horizon),
-        "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
-        "cardinality_rms": root(ratio(float((surplus**2).sum()), horizon)),
+        "cardinality_error": ratio(float(surplus.sum()), count),
+        "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), count),
+        "cardinality_rms": root(ratio(float((surplus**2).sum()), count)),
         "smoothness": _smoothness(tracked.sums),
         "siap": _siap(tracked),
     }
@@ -456,14 +459,14 @@ def _errors(tracked: Tracked) -> Json:
     if not total:
         names = ("rmse", "mean_error", "median_error", "p95_error", "rmse_by_axis")
         return dict.fromkeys((*names, "rmse_along_track", "rmse_across_track", "latency"))
-    shares = np.array([0.5, 0.95]) * total
+    shares = np.array([0.5 - ROUNDED, 0.5 + ROUNDED, 0.95]) * total
     if (weight == 1).all():
         places = np.ceil(shares).astype(np.int64) - 1
-        median, p95 = np.partition(error, places)[places].tolist()
+        low, high, p95 = np.partition(error, places)[places].tolist()
     else:
         order = np.argsort(error, kind="stable")
         places = np.searchsorted(np.cumsum(weight[order]), shares).clip(max=len(order) - 1)
-        median, p95 = error[order[places]].tolist()
+        low, high, p95 = error[order[places]].tolist()
     scale = max(float(error.max()), np.finfo(float).tiny)  # squares may overflow
     moving, gain, latency = sums["moving"], 0.0, None
     if moving:
@@ -475,7 +478,7 @@ def _errors(tracked: Tracked) -> Json:
     return {
         "rmse": scale * math.sqrt(float(weight @ (error / scale) ** 2) / total),
         "mean_error": float(weight @ error / total),
-        "median_error": median,
+        "median_error": 0.5 * low + 0.5 * high,
         "p95_error": p95,
         "rmse_by_axis": dict(
             zip(tracked.axes.names, np.sqrt(sums["axes"] / total).tolist(), strict=True)

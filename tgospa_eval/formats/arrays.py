@@ -382,14 +382,15 @@ def _oriented(
         {kind: _turned(array, way[kind], kind) for kind, (_, array) in kinds.items()}
         for way in fits
     ]
-    for other, way in zip(made[1:], fits[1:], strict=True):
+    for other in made[1:]:
         for kind, array in other.items():
             if not np.array_equal(array, made[0][kind], equal_nan=True):
-                both, base = (fits[0][kind], way[kind]), NAMES[kind][0]
-                also = ", or save t and id with it" if kind != "P" and len(known) < 2 else ""
+                orders, base = dict.fromkeys(way[kind] for way in fits), NAMES[kind][0]
+                savable = kind != "P" and array.shape != made[0][kind].shape and len(known) < 2
                 raise InputError(
-                    f"{path}: {shapes}: {kinds[kind][0]} may be {' or '.join(map(_spelt, both))}; "
-                    f"name it {base}_{both[0]} or {base}_{both[1]}{also}"
+                    f"{path}: {shapes}: {kinds[kind][0]} may be {' or '.join(map(_spelt, orders))};"
+                    f" name it {' or '.join(f'{base}_{one}' for one in orders)}"
+                    f"{', or save t and id with it' if savable else ''}"
                 )
     return made[0]
 
@@ -452,6 +453,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # damaged archives raise errors of many kinds
+        if "allow_pickle" in str(error):  # NumPy takes any other content for Python objects
+            raise InputError(f"{path}: not a readable npz file; numpy.savez writes one") from None
         raise unreadable(path, "npz", error) from None
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # NumPy opens any zip file

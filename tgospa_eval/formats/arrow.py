@@ -93,7 +93,7 @@ def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
     import pyarrow.types as kinds
 
     wanted = {roles.id: "ids", roles.time: "times"} | dict.fromkeys(roles.numbers, "numbers")
-    wanted |= dict.fromkeys(roles.texts, "numbers or texts")
+    wanted |= dict.fromkeys({*roles.texts} - roles.doubtful, "numbers or texts")
     if roles.klass is not None:
         wanted[roles.klass] = "classes"
     for column, what in wanted.items():

@@ -4,7 +4,7 @@ An (id, t) is the id and the time of a row. Each row has a number as its key. Ro
 by key are in the order of steps, and within a step in the order of tracks.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -15,11 +15,12 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.fields import Coded, attribute_of
+from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
-from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
+from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
-from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
+from tgospa_eval.formats.roles import FLAG, Roles
+from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids, spacings
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
@@ -92,6 +93,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         rows = _ids_of_classes(rows, step, choice.mask)
         track_ids, track = rows.ids
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    flagged = list(_about_flags(rows, state, choice.mask))
+    choice.warnings += [notice for notice in flagged if notice.code]
+    choice.notices += [notice.text for notice in flagged if not notice.code]
     particles = None
     if roles.weight is not None:
         from tgospa_eval.formats.particles import gather  # lazy: most states are points
@@ -152,11 +156,13 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
         missing=roles.missing,
-        headers=roles.renamed,
+        headers=roles.named,
+        unused=roles.unused,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
         height=roles.height,
+        units=roles.units,
         regions=_regions(rows, state) if options.regions else None,
     )
 
@@ -172,6 +178,35 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
         return rows
     both = named_ids([Coded(names.tolist(), number), Coded(classes.tolist(), klass)])
     return replace(rows, ids=both)
+
+
+def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
+    """Yield notices about rows that count although a column that is not used may exclude them."""
+    roles = rows.roles
+    side = roles.options.option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+    for column in roles.flags:
+        values, header = rows.attributes.get(column), roles.headers[column]
+        match = FLAG.fullmatch(header)
+        if match is None or values is None:
+            continue
+        if values.dtype == object:  # True and False
+            names = {"true": 1.0, "false": 0.0}
+            values = np.array([names.get(str(one).casefold(), np.nan) for one in values.tolist()])
+        off = mask & ((values == 0) != bool(match["mark"])) & (values == values)
+        at = np.flatnonzero(off)
+        if not 0 < len(at) < np.count_nonzero(mask):
+            continue
+        test = "== 0" if match["mark"] else "> 0"
+        if values is not rows.attributes[column]:
+            test = f"== {rows.attributes[column][mask & ~off][0]}"
+        remedy = f"{ask(f'{side}where', [f'{header} {test}'])} leaves them out"
+        if match["mark"] or match["score"]:
+            flag = "not 0" if match["mark"] else "0"
+            yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")
+        elif len(at) > 1 and (off == mask & (state == state[at[0]]).all(axis=1)).all():
+            place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
+            text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
+            yield Notice(code="not-visible", text=text, remedy=remedy)
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
@@ -194,25 +229,27 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             text=f"id {names[k]}{of_rows} counts as one track; {OFTEN_NONE}",
             remedy=without_id(names[k], rows, options.option),
         )
+    if (name := _rounded(names[count > 0])) is not None:
+        yield Notice(code="ids-rounded", text=_lost(name), remedy="write all digits of the ids")
     used = count[count > 0]
     if not whole:
         return
-    if roles.fixed and "left" in roles.headers and _are_exchanged(rows, taken):
-        placed = [name if name in PLACED else "-" for name in roles.headers]
-        placed[roles.id], placed[roles.time] = "t", "id"
+    exchanged = _exchanged(roles, options)
+    if exchanged and _are_exchanged(rows, taken):
         yield Notice(
             code="ids-exchanged",
             text="rows of one id are far apart, and rows of one step are near each other: the "
             "columns of ids and times may be swapped",
-            remedy=f"{ask(options.option, placed)} reads them so",
+            remedy=f"{ask(options.option, exchanged)} reads them so",
         )
-    if roles.other_ids and len(used) > 2 and (used == 1).all():
-        yield Notice(
-            code="ids-of-rows",
-            text=f"every id of {quoted(roles.headers[roles.id])} has a single row: these are not "
-            "tracks",
-            remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads another column",
-        )
+    if roles.other_ids:
+        own, other = (roles.headers[k] for k in (roles.id, roles.other_ids[0]))
+        text = f"every id of {quoted(own)} has a single row: these are not tracks"
+        if len(used) < 3 or (used > 1).any():
+            text = f"ids of {quoted(own)} may number rows: {quoted(other)} has other tracks"
+        if text.startswith("every") or _may_number_rows(rows, taken):
+            remedy = f"{ask(options.option, [f'id={other}'])} reads another column"
+            yield Notice(code="ids-of-rows", text=text, remedy=remedy)
     groups = []
     for column in roles.groups:
         header = roles.headers[column]
@@ -232,8 +269,44 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
         )
 
 
+def _may_number_rows(rows: Rows, taken: Ints, *, repeated: bool = False) -> bool:
+    """Return whether ids number the rows of each step, are `repeated`, or another column has fewer.
+
+    The other column must name each row of a step, and must not have the same tracks.
+    """
+    column = rows.roles.other_id
+    if column is None or column not in rows.attributes or not len(taken):
+        return False
+    other = rows.attributes[column][taken].astype(np.str_)
+    columns = other, rows.ids[1][taken], rows.times.value[taken]
+    code, number, step = (np.unique(each, return_inverse=True)[1] for each in columns)
+    count = code.max() + 1
+    pairs, at_once = (len(np.unique(each * count + code)) for each in (number, step))
+    if at_once < len(taken) or np.isin(other, ("", "nan")).any():
+        return False
+    order = np.lexsort((taken, step))
+    rank = np.arange(len(taken)) - np.searchsorted(step[order], step[order])
+    if repeated or pairs == count:
+        return repeated
+    return count <= number.max() or bool((number[order] == rank).all())
+
+
 PLACED = ("left", "top", "width", "height")
 """Columns of boxes in formats without headers."""
+
+
+def _exchanged(roles: Roles, options: ReadOptions) -> list[str]:
+    """Return the names of the columns with ids and times exchanged; empty if nobody named them."""
+    if roles.fixed and "left" in roles.headers:
+        placed = [name if name in PLACED else "-" for name in roles.headers]
+        placed[roles.id], placed[roles.time] = "t", "id"
+        return placed
+    named = [*map(str.strip, options.placed or options.columns or ())]
+    if "t" in named and not roles.fixed:  # columns without headers
+        return [{"id": "t", "t": "id"}.get(name, name) for name in named]
+    states = [item for item in named if not item.startswith(("id=", "t="))]
+    places = [f"id={roles.headers[roles.time]}", f"t={roles.headers[roles.id]}"]
+    return [*states, *places] if len(states) < len(named) else []
 
 
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
@@ -242,21 +315,23 @@ def _are_exchanged(rows: Rows, taken: Ints) -> bool:
     This is so if rows of one step are much nearer to each other than consecutive rows of one id.
     """
     taken = taken[:SAMPLED]
-    number, timestamps = rows.ids[1][taken], rows.times.value[taken]
-    places = rows.numbers[taken, :2]
-
-    def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
-        order = np.lexsort((second, first))
-        alike = first[order][1:] == first[order][:-1]
-        lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
-        return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
-
-    return spacing(number, timestamps) > EXCHANGED * spacing(timestamps, number) > 0
+    of_ids, of_steps = spacings(rows.ids[1][taken], rows.times.value[taken], rows.numbers[taken])
+    return of_ids > EXCHANGED * of_steps > 0
 
 
 SAMPLED, EXCHANGED = 10_000, 5.0
 """Number of rows that are examined, and ratio of distances above which ids and times seem to be
 swapped."""
+
+
+def _rounded(names: Iterable[str]) -> str | None:
+    """Return the first name that is a rounded number; None if there is no such name."""
+    return next((name for name in names if "+" in name and is_rounded(name)), None)
+
+
+def _lost(name: str) -> str:
+    """Return the message about an id that is a rounded number."""
+    return f"id {quoted(name)} has lost digits, as in spreadsheets, so several objects may share it"
 
 
 OFTEN_NONE = "many programs write it for rows without a track"
@@ -395,6 +470,17 @@ def _grid(
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
+    if times.clock == "number" and len(timestamps) and timestamps[0] > 1.9e7:
+        from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
+
+        side = options.option.rpartition("columns")[0]
+        sides = (side,) if side else ("truth_", "estimate_")
+        if form := calendar_format(timestamps):
+            ways = " or ".join(option(f"{side}time_format", form) for side in sides)
+            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not of each part
+            shown = f"times{such} look like dates, and count as numbers"
+            remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
+            choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
     labels = None
     if times.text is not None:
         labels = np.empty(len(timestamps), dtype=object)
@@ -498,10 +584,14 @@ def _check_states(
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # notices begin with the name
         choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
+    sizes = rows.roles.sizes
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
         leave_out(infinite, "", "a box too large for a number", "; use another unit")
-    for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
+    # Boxes of -1 are unknown, and `by_place` reads another position, or reads again with `hidden`.
+    again = rows.roles.fixed and rows.whole and not (options.hidden or options.boxes)
+    unknown = again and _idle(rows, options) and (rows.roles.mixed(rows.numbers, sizes) == -1).all()
+    for name, size in zip(("width", "height"), () if unknown else sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
         bound = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
@@ -696,15 +786,20 @@ def refusal(
         f"{where(row)}: id {rows.quoted_id(row)} at t {rows.moment(row)} is already in "
         f"{already}{duplicates}; "
     )
+    if _may_number_rows(rows, taken, repeated=True):
+        other = roles.headers[roles.other_ids[0]]
+        return f"{message}{ask(columns, [f'id={other}'])} reads the ids of {quoted(other)}"
     cause = _cause(taken, again, rows, columns)
-    if cause:
-        return message + cause
+    is_single = len(np.unique(rows.ids[1][taken])) == 1
     groups = [
         roles.headers[column]
         for column in roles.groups
         if column in rows.attributes
+        and (GROUP.fullmatch(roles.headers[column]) or not is_single)
         and len(set(rows.attributes[column][[first, row]].astype(np.str_).tolist())) == 2
     ]
+    if cause and not (groups and is_single and cause != ONLY_DETECTIONS):
+        return message + cause
     if groups:
         whole_id = "+".join([*groups, roles.headers[roles.id]])
         mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
@@ -723,16 +818,22 @@ def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
     """Return the likely reason why rows repeat an (id, t), with a remedy; blank if unknown."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
-    if name == "-1" and counts.max() == len(taken):
+    is_single = counts.max() == len(taken)
+    if name == "-1" and is_single:
         return ONLY_DETECTIONS
     repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
+    if (rounded := _rounded(repeated)) is not None:
+        return f"{_lost(rounded)}; write all digits of the ids"
     if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
         (name,) = repeated
         return f"{OFTEN_NONE}; {without_id(name, rows, columns)}"
-    if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
+    most = NEARLY_ALL * len(taken)
+    if counts.max() < most or (4 if is_single and len(again) > 1 else 2) * len(again) <= len(taken):
         return ""
+    fault = f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks"
+    if rows.roles.fixed:
+        return fault
     return (
-        f"nearly every id is {quoted(name)}, as in detections, but TGOSPA compares tracks; if the "
-        f"ids are not in {quoted(rows.roles.headers[rows.roles.id])}, name their column, "
-        f"{option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
+        f"{fault}; if the ids are not in {quoted(rows.roles.headers[rows.roles.id])}, name their "
+        f"column, {option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
     )

@@ -266,6 +266,29 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
     return int(back.min()), way if low < at <= high else "write the times with dates"
 
 
+CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S%f"}
+"""Format of a date that is written as one number, by its digits."""
+
+
+def calendar_format(timestamps: TimeArray) -> str:
+    """Return the format of numbers that all are dates, such as 20260301120058; else a blank.
+
+    The format is ``"?"`` if only some have fractions.
+    """
+    if len(timestamps) < 2 or not 1.9e7 < timestamps[0] <= timestamps[-1] < 2.2e16:
+        return ""
+    texts = timestamps.astype(np.int64).astype(str)
+    form = CALENDAR.get(len(texts[0]), "")
+    if not form or len(texts[-1]) != len(texts[0]) or not "19" <= texts[0][:2] <= "21":
+        return ""
+    import pandas as pd  # lazy: few times have so many digits
+
+    known = pd.to_datetime(pd.Series(texts), format=form, errors="coerce").notna().all()
+    is_whole = timestamps % 1 == 0
+    form = "?" if is_whole.any() and not is_whole.all() else form
+    return form + ".%f" * (timestamps.dtype.kind == "f" and form != "?") if known else ""
+
+
 def _day_of(time: float) -> int:
     """Return the length of a day in the likely unit of a time of day, which is s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)

@@ -318,9 +318,9 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
         else:
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
-            remedy = _reading_of(text) or "write a number or an ISO-8601 time"
-            if re.fullmatch(r"\s*[-+]?[\d.]+\s*[A-Za-z]+\s*", text):
-                remedy = remedy_for(text)
+            remedy = reading_of(text) or "write a number or an ISO-8601 time"
+            if with_unit := WITH_UNIT.fullmatch(text):
+                remedy = unit_in_header(with_unit[1])
             remedy += f"; {remedy_for(text)}" if "," in text else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
@@ -367,7 +367,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
 DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(:\d{2}(\.\d+)?)?)?")
 
 
-def _reading_of(text: str) -> str:
+def reading_of(text: str) -> str:
     """Return a remedy for a text that is a time of day, or a date such as 1/2/2020.
 
     The remedy has the formats that would read the text. It is blank for other texts.
@@ -396,20 +396,44 @@ def _reading_of(text: str) -> str:
     )
 
 
+def is_rounded(text: str) -> bool:
+    """Return whether a text is a number with fewer digits than its exponent, such as 2.19E+08."""
+    digits = re.fullmatch(r"-?\d(?:[.,](\d*))?[eE]\+(\d+)", text)
+    return digits is not None and len(digits[1] or "") < int(digits[2])
+
+
 BLANK = "leave it blank where the object is absent"
 """Remedy for a text that should be a number, if no better remedy is known."""
 
 
+WITH_UNIT = re.compile(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*")
+THOUSANDS = re.compile(r"\s*[-+]?\d{1,3}([.,' \xa0\u202f])\d{3}(?:\1\d{3})*([.,]\d+)?\s*")
+"""Patterns of a number with its unit, and of a number with separators of thousands."""
+
+
+def unit_in_header(number: str) -> str:
+    """Return the remedy for a number with its unit."""
+    return f"write the number alone, {number}, and the unit in the header"
+
+
 def remedy_for(text: str) -> str:
     """Return a remedy for a text that is not a number."""
-    with_words = re.fullmatch(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*", text)
+    with_words = WITH_UNIT.fullmatch(text)
+    rewritten = text.strip().replace("−", "-").replace("_", "")
+    rewritten = re.sub("(?<=[0-9.])[dD](?=[-+0-9])", "e", rewritten)
+    if re.fullmatch("[-+]?0[xX][0-9a-fA-F]+", rewritten):
+        rewritten = str(int(rewritten, 16))
+    if rewritten != text.strip() and is_number(rewritten):
+        return f"write {rewritten}"
+    if THOUSANDS.fullmatch(text) and not re.fullmatch(r"\s*[-+]?\d+[.,]\d+\s*", text):
+        return "write it without thousands separators"
     if with_words and with_words[2] in "NSEWnsew":
         sign = "-" if with_words[2] in "SWsw" else ""
         return f"write degrees north and east, {sign}{with_words[1]}"
     if with_words:
-        return f"write the number alone, {with_words[1]}, and the unit in the header"
-    if "," in text:
+        return unit_in_header(with_words[1])
+    if "," in text and text.count(",") == 1:
         return f"use a decimal point, or {option('decimal', ',')}"
-    if "." in text:
+    if "." in text or "," in text:
         return f"use one decimal mark ({option('decimal')}) and no thousands separator"
     return BLANK

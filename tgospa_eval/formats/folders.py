@@ -57,6 +57,9 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
             table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
         except (ValueError, csv.Error) as error:  # pandas raises both
             raise InputError(f"{file}: not a CSV table: {' '.join(str(error).split())}") from None
+        if any(column.strip().casefold() == "id" for column in table.columns):
+            remedy = "remove it" if os.path.isdir(path) else "use the format csv"
+            raise InputError(f"{file}: a file of one object has no column id; {remedy}")
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
     return pd.concat(tables)

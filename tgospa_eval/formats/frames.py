@@ -7,7 +7,7 @@ files of DeepLabCut.
 import csv
 import datetime
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -82,6 +82,12 @@ def from_frame(
     try:
         roles = find_roles(headers, options, name, wide=True)
     except InputError:
+        if frame.columns.nlevels > 1:
+            joined = '["_".join(map(str, levels)) for levels in table.columns]'
+            raise InputError(
+                f"{name}: the columns have {frame.columns.nlevels} levels; join the levels, "
+                f"table.columns = {joined}"
+            ) from None
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise
@@ -123,6 +129,10 @@ def frame_rows(
             return values.to_numpy(dtype=np.float64, na_value=np.nan)
         return attribute_of(named(column, "a number or a text"), decimal)
 
+    attributes = {}
+    for column in roles.texts:
+        with suppress(InputError) if column in roles.doubtful else nullcontext():
+            attributes[column] = attribute(column)
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
@@ -134,7 +144,15 @@ def frame_rows(
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # raised only if needed
     with _placed(frame.iloc[:, roles.time], where):
-        times = _formed_times(frame, roles, name, decimal)
+        try:
+            times = _formed_times(frame, roles, name, decimal)
+        except TimeError as error:
+            why = str(error)
+            with suppress(RowError):  # values of a column of dates may be of any type
+                columns = [*roles.dates[:1], roles.time]
+                texts = [_as_texts(frame.iloc[:, column], decimal) for column in columns]
+                why = roles.dated(texts, decimal, error.row) or why
+            raise TimeError(error.row, why) from None
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":
@@ -151,7 +169,7 @@ def frame_rows(
         numbers=states,
         where=where,
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
-        attributes={column: attribute(column) for column in roles.texts},
+        attributes=attributes,
         weight_fault=weight_fault,
         excluded=without_ids(ids),
     )

@@ -163,11 +163,11 @@ def ask(name: str, items: Sequence[str]) -> str:
     `items` are like those of the option, ``name=header``. `name` is the name of the option. It is
     blank for a DataFrame: then the result is a call of ``rename``.
     """
-    if name:
+    if name or any("+" in item for item in items):
         from shlex import quote  # lazy: needed only for messages
 
         value = ",".join(items)
-        return option(name, quote(value) if surface.get() == COMMAND else value)
+        return option(name or "columns", quote(value) if surface.get() == COMMAND else value)
     headers = {
         f"HEADER of {name}" if header == "HEADER" else header: name
         for name, _, header in (item.partition("=") for item in items)
@@ -219,7 +219,7 @@ HEADER_ALIASES = {
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
         "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
-        "gps_altitude elevation elev height hgt baro_altitude",
+        "gps_altitude elevation elev height hgt baro_altitude z",
         "elevation": "elevation elev",
         "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
         "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
@@ -233,10 +233,20 @@ HEADER_ALIASES = {
 """Aliases of each column; case, blanks, punctuation and a unit at the end do not matter."""
 
 METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
-LENGTHS = (
-    *(*METRES, "px", "pixel", "pixels", "cm", "mm", "um", "µm", "μm", "nm"),
-    *("micron", "microns", "micrometer", "micrometers", "in", "inch", "inches"),
-)
+MICRONS = ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometers")
+LENGTHS = {
+    **dict.fromkeys(METRES, 1.0),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), 1e3),
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "nm": 1e-9,
+    **dict.fromkeys(MICRONS, 1e-6),
+    **dict.fromkeys(("px", "pixel", "pixels"), 0.0),
+}
+"""Metres of each unit of length; 0 for pixels, which have no fixed length."""
+
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
     *("nanoseconds", "microseconds", "milliseconds", "utc", "unix", "frame", "frames"),
@@ -250,6 +260,12 @@ FRACTIONS = {
 """Last words of the headers of fractions of a second, and the decimal places of the fractions."""
 
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
+ANGLES = {
+    **dict.fromkeys(DEGREES, 1.0),
+    **dict.fromkeys(("rad", "rads", "radians"), 57.295779513082323),
+}
+"""Degrees of each unit of angles."""
+
 UNITS = {
     "t": TIMES,
     **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
@@ -259,19 +275,43 @@ UNITS = {
 """Units that may follow the name in a header. So lat_rad is not read: it is not in degrees."""
 
 HINTS = {
-    "id": "id$|mmsi|track|trk|obj|target|name|who",
+    "id": "id$|mmsi|hex|icao|trac?k|trk|traj|obj|target|call_?sign|flight|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
 """Patterns of headers to suggest for a column that no header names, not even by an alias."""
 
-AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
-"""Pairs of texts in which the two headers of a position may differ, as pos_x and pos_y do."""
+AXIS_PAIRS = {("x", "y"): "xy", ("east", "north"): "xy", ("lat", "lon"): ("lat", "lon")}
+"""Names of the two columns of a position, by the parts in which their headers may differ."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
     "^d?v|vel|speed|acc|size|std|cov|var|rho|sigma|err|min|max|width|height"
 )
 """Pattern of headers of quantities other than ids, times and positions."""
+
+NO_ID = (
+    r"categor|label|type|camera|sensor|team|detect|^det_|image|file|valid|grid|heading|course|"
+    r"(true|mag).?track|track.?(\W?deg|angle|rate)"
+)
+NO_PLACE = (
+    r"^([adfgjsqw]_?[xyz]([\W_]|$)|m[xyz]$)|quat|rot|orient|omega|angle|angular|roll|pitch|yaw|(^|_)mag|gyro|"
+    "force|torque|length|goal|dim|extent|norm|scale|offset|shift|delta|wind_"
+)
+PLACE = "pos|cent|trans|utm|loc|coord|east|^[pt]_?x"
+"""Patterns of headers that are not proposed as ids and as positions, and of likely positions."""
+
+SIDES = {
+    "truth": {"gt", "truth", "groundtruth", "true", "ref", "reference", "actual"},
+    "estimate": {"est", "estimate", "estimated", "pred", "predicted", "hat", "tracker"},
+}
+"""Words in headers of the positions of one side, in a table with the positions of both."""
+
+AIRCRAFT_OR_SHIP = re.compile(
+    "hex|icao.*|mmsi|imo|call.?sign|flight.*|registration|tail.*|squawk", re.IGNORECASE
+)
+SPEEDS = re.compile("speed|(ground.?)?speed.*|gs|sog|velocity|.*knots", re.IGNORECASE)
+COURSES = re.compile("heading|course|cog|direction|bearing", re.IGNORECASE)
+"""Patterns of headers next to which ``track`` is a direction in degrees, or is not."""
 
 
 GROUP = re.compile(
@@ -320,6 +360,16 @@ class Headers:
             self.folded.setdefault(name.casefold(), []).append(k)
             for key, unit in _keys(name):
                 self.keyed.setdefault(key, []).append((k, unit))
+        self.directions = [names[k] for k in self.folded.get("track", ()) if self._has_directions]
+        self.hidden |= {names.index(name) for name in self.directions}
+
+    @property
+    def _has_directions(self) -> bool:
+        """True if a column ``track`` is a direction, as in data of aircraft and ships."""
+        has_speeds = any(map(SPEEDS.fullmatch, self.names))
+        on_earth = self.places("lat") and self.places("lon") and has_speeds
+        of_craft = any(map(AIRCRAFT_OR_SHIP.fullmatch, self.names))
+        return of_craft or bool(on_earth and not any(map(COURSES.fullmatch, self.names)))
 
     def spelt(self, header: str, name: str) -> int | None:
         """Return the position of a header, or None if it is missing.
@@ -389,12 +439,14 @@ class Headers:
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """Yield a notice if the column `name` was found by an alias and other headers would fit.
 
-        `unused` has the headers of the columns that are not used; only these are named.
+        The same holds for a column ``id``. `unused` has the headers of the columns that are not
+        used; only these are named.
         """
-        if name in self.mapped or self.spelt(name, name) is not None:
+        if name in self.mapped or (name != "id" and self.spelt(name, name) is not None):
             return
         position = self.find(name)
         candidates = [self.names[k] for k in self.places(name) if k != position]
+        candidates += self.directions if name == "id" else []
         candidates = [header for header in candidates if header in unused]
         stamp = two_parts_of_a_stamp(unused) if name == "t" else None
         if stamp is not None:
@@ -437,25 +489,46 @@ class Headers:
         coordinates, whatever they are called. `used` has the positions of headers with another
         role.
         """
-        free = [
-            name
-            for k, name in enumerate(self.names)
-            if k not in used and name.isprintable() and "," not in name
-        ]
-        free = [name for name in free if not re.search(NO_HINT, name, re.IGNORECASE)]
+        free = self.free(used)
         guesses: dict[str, str] = {}
         for name, hint in HINTS.items():
             candidates = [header for header in free if re.search(hint, header, re.IGNORECASE)]
-            candidates.sort(key=lambda header: GROUP.fullmatch(header) is not None)
+            if name == "id":
+                candidates = [h for h in candidates if not re.search(NO_ID, h, re.IGNORECASE)]
+                candidates = [header for header in candidates if not GROUP.fullmatch(header)]
             if name in wanted and candidates:
                 guesses[name] = candidates[0]
-        pairs = (
-            {"x": header, "y": header.replace(one, two)}
-            for one, two in AXIS_PAIRS
+        pairs = self.pairs(used)
+        return guesses | pairs[0] if "position" in wanted and len(pairs) == 1 else guesses
+
+    def free(self, used: set[int], other: str = NO_HINT) -> list[str]:
+        """Return the headers that may be mapped to missing columns; `other` matches the rest."""
+        return [
+            name
+            for k, name in enumerate(self.names)
+            if k not in used | self.hidden
+            and name.isprintable()
+            and "," not in name
+            and not re.search(other, name, re.IGNORECASE)
+        ]
+
+    def pairs(self, used: set[int]) -> list[dict[str, str]]:
+        """Return the likeliest pairs of headers of a position, without the `used` columns."""
+        free = self.free(used, f"{NO_HINT}|{NO_PLACE}")
+        pairs = [
+            dict(zip(names, (header, header.replace(one, two)), strict=True))
+            for (one, two), names in AXIS_PAIRS.items()
             for header in free
             if one in header and header.replace(one, two) in free
-        )
-        return guesses | next(pairs, {}) if "position" in wanted else guesses
+        ]
+        own = (self.option or self.where).split("_")[0]
+        foreign = set().union(*(words for side, words in SIDES.items() if side != own))
+        for is_likely in (
+            lambda header: own not in SIDES or foreign.isdisjoint(words_of(header)),
+            lambda header: re.search(PLACE, header, re.IGNORECASE),
+        ):
+            pairs = [pair for pair in pairs if is_likely(next(iter(pair.values())))] or pairs
+        return pairs
 
 
 def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
@@ -506,6 +579,12 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
         yield _joined(within[1]), within[2].strip().casefold()
     elif len(words) > 1:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
+
+
+def unit_of(text: str) -> str:
+    """Return the unit of length or angle at the end of a header or text; blank if there is none."""
+    units = (unit for key, unit in _keys(text) if unit in LENGTHS or unit in ANGLES)
+    return next(units, "")
 
 
 DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
@@ -572,23 +651,27 @@ def absent(
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
     guesses = headers.guess(missing, used)
-    if "position" in missing and "x" not in guesses:
+    if "position" in missing and guesses.keys().isdisjoint(("x", "lat")):
         guesses |= {axis: axis if axis in headers.names else "HEADER" for axis in "xy"}
     named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
     # The suggestion keeps the columns and states that the user has named.
     named |= headers.mapped
-    if "id" in missing:
-        free = [name for name in headers.names if not re.search(NO_HINT, name, re.IGNORECASE)]
-        if pattern := pattern_in(free):
-            times = [f"t={named['t']}"] if "t" in named else []
-            remedy = ask(headers.option or "columns", [*times, *pattern])
-            return f"{lost}; if each object has its own columns, {remedy}; else {DETECTIONS}"
+    pattern = pattern_in(headers.free(set(), f"{NO_HINT}|{NO_PLACE}")) if "id" in missing else []
+    if pattern:
+        times = [f"t={named['t']}"] if "t" in named else []
+        remedy = ask(headers.option or "columns", [*times, *pattern])
+        return f"{lost}; if each object has its own columns, {remedy}; else {DETECTIONS}"
     items = [f"{name}={header}" for name, header in named.items()]
     if set(states) & set(missing):
         items += [name for name in states if name not in named]
     also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
     if also and missing == ["id"]:
         also += "; if each file is an object, add a column id with its name"
+    if "id" in missing and headers.directions:
+        also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
+    pairs = headers.pairs(used) if "position" in missing else []
+    if len(pairs) > 1:
+        also += f"; positions may be {' or '.join(','.join(pair.values()) for pair in pairs)}"
     boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
     if "position" in missing and boxes:
         if boxes[0].endswith(".0"):

@@ -28,6 +28,7 @@ from tgospa_eval.formats.arrays import (
     kind_of,
     spread_columns,
 )
+from tgospa_eval.formats.headers import unit_of
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.roles import find_roles
@@ -368,6 +369,21 @@ def _axis_of(dim: object, name: str) -> str:
 
 def _has_named_axes(side: object) -> bool:
     return all(hasattr(side, attribute) for attribute in ("dims", "coords", "isel"))
+
+
+def with_units(made: Reading, side: Any) -> Reading:
+    """Return a side with the units in the attributes of its array with named axes, if any."""
+    if not _has_named_axes(side):
+        return made
+    variables = getattr(side, "data_vars", {"": side}).items()
+    given = {
+        str(key): unit_of(f"in {getattr(one, 'attrs', {}).get('units', '')}")
+        for key, one in variables
+    }
+    known = {key: unit for key, unit in given.items() if unit}
+    whole = next(iter(known.values())) if len(known) == 1 else ""
+    units = {name: known.get(name, whole) for name in made.trajectories.columns}
+    return replace(made, units={name: unit for name, unit in units.items() if unit})
 
 
 def with_plain_axes(side: Any, name: str) -> Any:

@@ -18,7 +18,7 @@ from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import TimeError, floats, parse_times
+from tgospa_eval.formats.fields import TimeError, floats, is_number, parse_times
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import Conversion, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
@@ -81,10 +81,12 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
         wrong = [text for text, number in numbers.items() if number is None and text]
         if wrong:
             rows = np.flatnonzero(np.isin(values, wrong))
+            remedy = f"leave it blank, or compare texts, {column} == '{value}'"
+            if all(is_number(text, ",") for text in wrong):
+                remedy = f"write decimal points, or use {option('decimal', ',')} for all numbers"
             raise InputError(
                 f"{at(int(rows[0]))}, column {quoted(column)}: {quoted(wrong[0])} is not a "
-                f"number as in {way}{more(len(rows))}; leave it blank, or compare texts, "
-                f"{column} == '{value}'"
+                f"number as in {way}{more(len(rows))}; {remedy}"
             )
         values = np.array([numbers[text] for text in values.tolist()], float)
     return np.asarray(compare(values, value) & ~np.isnan(values))
@@ -289,16 +291,15 @@ def _splits(text: str, count: int) -> Iterator[list[str]]:
 def class_named(name: str, there: Collection[str]) -> str | None:
     """Return the class of this name, or None.
 
-    If there is no such class, but one whose name differs just in upper and lower case, return it.
-    With several of these the result is None.
+    If there is no such class, but exactly one whose name `is_alike`, return that.
     """
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
 
 
 def is_alike(name: str, other: str) -> bool:
-    """Return whether two names are equal except for upper and lower case."""
-    return name.casefold() == other.casefold()
+    """Return whether two names are equal except for case, or are one number, as 1 and 1.0."""
+    return name.casefold() == other.casefold() or parsed(name) == parsed(other) is not None
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:

@@ -5,7 +5,7 @@ plane, in an image or on the Earth.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from typing import Any
@@ -15,8 +15,9 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
+from tgospa_eval.formats.headers import ANGLES, LENGTHS
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.coverage import unsigned_zeros, whole
@@ -146,7 +147,10 @@ class Reading:
         Columns of `ReadOptions.shared` that the file lacks, each with the message to raise if all
         files lack the column.
     headers : dict of str to str
-        Headers of ids, times and states, by name, where the header is not equal to the name.
+        Header of the ids, of the times, and of each state that is a single column, by name. Empty
+        for a file without headers.
+    unused : tuple of str
+        Headers of columns that are not used.
     centres : bool
         Whether the states are centres of boxes.
     pixels : bool
@@ -157,6 +161,8 @@ class Reading:
         Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
         Header of heights or elevations that are not part of the states; blank if there are none.
+    units : dict of str to str
+        Units that the file states for its positions, such as ``m``, by the name of the state.
     regions : Regions, optional
         Boxes of the file that mark regions without evaluation instead of objects, if
         `ReadOptions.regions` is set.
@@ -173,11 +179,13 @@ class Reading:
     named: tuple[str, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
     centres: bool = False
     pixels: bool = False
     idle: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     height: str = ""
+    units: dict[str, str] = field(default_factory=dict)
     regions: Regions | None = None
 
     @property
@@ -210,6 +218,11 @@ class Reading:
         return whole.chosen(rows)
 
 
+def classes_in(sides: Iterable[Reading]) -> list[str]:
+    """Return the classes of all sides, in natural order; a blank name if there are none."""
+    return sorted({name for side in sides for name in side.classes}, key=natural) or [""]
+
+
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
     """Read a side; if its positions seem to be unknown, read other columns of positions.
 
@@ -233,7 +246,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
     if not (reading.trajectories.state == -1).all():  # others may be true positions
-        return reading
+        return read_by(replace(options, hidden=("",))) if reading.centres else reading
     warning = Notice(
         code="no-place",
         text=f"{fault}, as of an unknown position",
@@ -299,7 +312,7 @@ def with_heights(
     local: bool,
     distance: str,
 ) -> list[Reading | None]:
-    """Add heights to the states if both sides have heights; add a notice if only one side has.
+    """Add heights to the states if both sides have heights; add a warning if only one side has.
 
     Parameters
     ----------
@@ -333,20 +346,20 @@ def with_heights(
                 raise ConfigError(
                     f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
                     "name all states, or leave them out by "
-                    f"{option(own.option or 'columns', ','.join(PLACES))}"
+                    f"{option(own.option or 'columns', ','.join(one.trajectories.columns))}"
                 )
             high = read_by(replace(own, heights="use"))
+            columns = one.trajectories.columns
             if high.taken < one.taken:
-                text = f"heights are left out: {name} has {counted(one.taken - high.taken, 'row')} "
-                text += f"without heights ({one.height})"
-                flat = there[0], replace(there[1], notices=(*there[1].notices, text))
-                return list(flat)
-            one = high
-            text = heights_notice(there[k].height, own)
-            answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
+                without = f"{name} has {counted(one.taken - high.taken, 'row')} without heights"
+                warning = left_out_heights(one.height, own, columns, without)
+                return [there[0], replace(there[1], warnings=(*there[1].warnings, warning))]
+            text = heights_notice(one.height, own, columns)
+            answer[k] = replace(high, notices=(*high.notices, *([text] if all(have) else ())))
         elif one.height:
-            text = left_out_heights(one.height, names[1 - k])
-            answer[k] = replace(one, notices=(*one.notices, text))
+            without = f"{names[1 - k]} has none"
+            warning = left_out_heights(one.height, own, one.trajectories.columns, without)
+            answer[k] = replace(one, warnings=(*one.warnings, warning))
     return answer
 
 
@@ -371,6 +384,32 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
     return (side, sides[1]) if k == 0 else (sides[0], side)
 
 
+def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
+    """Return the estimate with its classes as the truth writes them, and notices about classes."""
+    classes, notices, there = [], [], truth.classes
+    for name in estimate.classes:
+        match = class_named(name, there) or name
+        is_only = sum(is_alike(match, other) for other in estimate.classes) == 1
+        if match != name:
+            way = "read as" if is_only else "as written, another class than"
+            notices.append(f"class {quoted(name)} is {way} {quoted(match)}")
+        classes.append(match if is_only else name)
+    own, lost = ([*filter(None, {*a} - {*b})] for a, b in ((classes, there), (there, classes)))
+    warnings = estimate.warnings
+    if own and lost and {*classes}.isdisjoint(there):
+        text = f"its classes {listed(sorted(own))} are not in the truth, which has "
+        text += listed(sorted(lost))
+        remedy = f"write classes alike in both files, or leave out {option('by', 'class')}"
+        warnings += (Notice(code="classes-differ", text=text, remedy=remedy),)
+    elif own and lost:
+        notices.append(
+            f"no {listed(sorted(own))} in the truth, and no {listed(sorted(lost))} here: states of "
+            "different classes are never matched"
+        )
+    said = (*estimate.notices, *notices)
+    return replace(estimate, classes=tuple(classes), notices=said, warnings=warnings)
+
+
 def check_heights(headers: Sequence[str], distance: str) -> None:
     """Check that the distance supports heights, which both sides have under these headers.
 
@@ -388,17 +427,63 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         )
 
 
-def heights_notice(header: str, options: ReadOptions) -> str:
-    """Return the notice that heights are compared."""
+def heights_notice(header: str, options: ReadOptions, columns: tuple[str, ...]) -> str:
+    """Return the notice that heights are compared beside these columns."""
     return (
         f"heights are compared ({header}); "
-        f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
+        f"{option(options.option or 'columns', ','.join(columns))} leaves them out"
     )
 
 
-def left_out_heights(header: str, other: str) -> str:
-    """Return the notice that heights of one side are left out, as the other side has no heights."""
-    return f"heights ({header}) are left out: {other} has none"
+def left_out_heights(
+    header: str, options: ReadOptions, columns: tuple[str, ...], reason: str
+) -> Notice:
+    """Return the warning that heights are left out, and only these columns are compared."""
+    return Notice(
+        code="heights-left-out",
+        text=f"heights ({header}) are left out: {reason}",
+        remedy=f"if heights do not count, {option(options.option or 'columns', ','.join(columns))} "
+        "leaves them out without a warning",
+    )
+
+
+def check_units(
+    sides: Sequence[Reading], paths: Sequence[str], scaled: Callable[[int, str], bool]
+) -> None:
+    """Check that the sides state the same units; `scaled` says which columns have a factor.
+
+    Raises
+    ------
+    ConfigError
+        Two columns of the same quantity, or two lengths, have different units.
+    """
+    for sizes in (LENGTHS, ANGLES):
+        stated = [
+            (k, name, unit, sizes[unit])
+            for k, side in enumerate(sides)
+            for name, unit in side.units.items()
+            if unit in sizes and not scaled(k, name)
+        ]
+        for k, name, unit, size in stated:
+            first, column, known, base = next(
+                one for one in stated if one[1] == name or (one[3] and size)
+            )
+            if size == base:
+                continue
+            remedy = "write both in one unit"
+            if size and base:
+                factors = [
+                    [(n, s / base) for i, n, _, s in stated if i == j] for j in range(len(ROLES))
+                ]
+                given = (
+                    ",".join(f"{n}={f:.12g}" for n, f in one if f not in (0, 1)) for one in factors
+                )
+                ways = [option(f"{r}_scale", x) for r, x in zip(ROLES, given, strict=True) if x]
+                remedy = f"use {' and '.join(ways)}"
+            raise ConfigError(
+                f"{paths[k]}: {name} is in {unit}, but {column} of {paths[first]} is in {known}; "
+                f"{remedy}"
+            )
 
 
 def check_classes(

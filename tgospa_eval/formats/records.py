@@ -8,6 +8,7 @@ samples, so that times and scenes are read from the tables.
 import io
 import json
 import os
+import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +32,9 @@ Record = dict[str, Any]
 
 FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
 """Keys under which an image of COCO may have the number of its frame in the video."""
+
+MARKS = ("iscrowd", "ignore")
+"""Keys of annotations that the benchmark leaves out."""
 
 MAX_LEVELS = 4
 """Largest depth to which nested records become columns."""
@@ -147,7 +151,8 @@ def _of_coco(
             place = record["image_id"]
             row: Record = {"id": track, "t": times[place], **box}
             row |= {"class": names.get(category, category), "score": record.get("score")}
-            rows.append(row | {"video_id": images[place].get("video_id")})
+            row["video_id"] = images[place].get("video_id")
+            rows.append(row | {key: record[key] for key in MARKS if key in record})
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -190,6 +195,12 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
     return {key: key for key in ids}
 
 
+NO_VALUE = re.compile(
+    rb'<c r="(\w+)"(?:(?! t=)[^>])*>\s*<f\b(?:[^>]*/>|[^<]*</f>)\s*(?:<v\s*/>|<v></v>)?\s*</c>'
+)
+"""Pattern of a cell with a formula whose value no program has stored."""
+
+
 def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
     """Read the table of a spreadsheet, if openpyxl is installed.
 
@@ -201,7 +212,16 @@ def read_excel(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(member.file_size for member in packed.infolist())
-        check_memory(path, TABLE * size, len(data), options.max_input, f"{size:,} bytes of Excel")
+            members = [name for name in packed.namelist() if name.startswith("xl/worksheets/")]
+            check_memory(
+                path, TABLE * size, len(data), options.max_input, f"{size:,} bytes of Excel"
+            )
+            unknown = next(filter(None, (NO_VALUE.search(packed.read(n)) for n in members)), None)
+        if unknown:
+            raise InputError(
+                f"{path}, cell {unknown[1].decode()}: a formula without its value; open the file "
+                "in a spreadsheet program and save it, or write values"
+            )
         pages = pd.read_excel(io.BytesIO(data), None, dtype=object)
     except ImportError:
         raise InputError(

@@ -14,7 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.fields import Coded, TimeError, is_number, read_times, reading_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
@@ -42,6 +42,7 @@ from tgospa_eval.formats.headers import (
     parse_columns,
     shared_columns,
     two_parts_of_a_stamp,
+    unit_of,
     without_maps,
     words_of,
 )
@@ -95,13 +96,17 @@ class Roles:
         Warnings about columns whose role is doubtful.
     more_ids : tuple of int
         Further columns, if an id consists of the texts in several columns.
-    other_ids : tuple of str
-        Unused headers that may be ids.
+    other_ids : tuple of int
+        Unused columns that may be ids.
     groups : tuple of int
         Unused columns of recordings, clusters or classes; ids may restart in each of these.
+    flags : tuple of int
+        Unused columns that may say which rows do not count, see `FLAG`.
     height : str
         Header of a column that is left out: heights of positions on the Earth, or elevations of
         positions by range and bearing.
+    stated : dict of int to str
+        Units below the headers, by column.
     options : ReadOptions
         Options of reading.
     """
@@ -126,9 +131,11 @@ class Roles:
     missing: dict[str, str] = field(default_factory=dict)
     doubts: tuple[Notice, ...] = ()
     more_ids: tuple[int, ...] = ()
-    other_ids: tuple[str, ...] = ()
+    other_ids: tuple[int, ...] = ()
     groups: tuple[int, ...] = ()
+    flags: tuple[int, ...] = ()
     height: str = ""
+    stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
 
     @cached_property
@@ -142,10 +149,57 @@ class Roles:
 
     @property
     def texts(self) -> tuple[int, ...]:
-        """Columns of attributes, filters, further parts of ids, and groups not read otherwise."""
-        known = {self.id, self.time, self.klass, *self.numbers}
-        wanted = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
-        return tuple(sorted(wanted - known))
+        """Columns that are read as texts and have no other role."""
+        return tuple(sorted((self._needed | self.doubtful) - self.known))
+
+    @property
+    def _needed(self) -> set[int]:
+        """Columns of attributes and filters, and further columns of ids."""
+        return {*self.attributes.values(), *self.where.values(), *self.more_ids}
+
+    @property
+    def known(self) -> set[int | None]:
+        """Columns of ids, times, classes and numbers."""
+        return {self.id, self.time, self.klass, *self.numbers}
+
+    @property
+    def doubtful(self) -> set[int]:
+        """Columns that are only read for messages, so their values may be of any type."""
+        other = [] if self.other_id is None else [self.other_id]
+        return {*self.groups, *self.flags, *self.dates, *other} - self._needed
+
+    @property
+    def dates(self) -> list[int]:
+        """Unused columns of dates; times may be times of day."""
+        names = [*map(str.casefold, self.headers)] if self.second is None else []
+        return [k for k, name in enumerate(names) if DATE.fullmatch(name) and k not in self.known]
+
+    def dated(self, texts: Sequence[Coded], decimal: str, row: int) -> str:
+        """Return the message about a time of day, if it can be read with its date; else a blank.
+
+        `texts` has the first of `dates`, if there is one, and the times.
+        """
+        if len(texts) < 2:
+            return ""
+        date, time = texts
+        also = ""
+        try:
+            read_times(date, decimal, self.options.form, time)
+        except TimeError:
+            also = reading_of(f"{date[row].strip()} {time[row].strip()}")
+            if not also:
+                return ""
+        both = "+".join(self.headers[k] for k in (self.dates[0], self.time))
+        way = ask(self.options.option, [f"t={both}"])
+        also = also and f"; {also}"
+        return f"a time of day: {quoted(time[row])}; {way} reads it with its date{also}"
+
+    @property
+    def other_id(self) -> int | None:
+        """Column whose values are compared with those of a column ``id`` that nobody named."""
+        named = any(item.partition("=")[0].strip() == "id" for item in self.options.columns or ())
+        plain = self.headers[self.id].casefold() == "id" and not (named or self.more_ids)
+        return next(iter(self.other_ids), None) if plain else None
 
     @property
     def used(self) -> list[int]:
@@ -164,16 +218,18 @@ class Roles:
         )
 
     @property
-    def renamed(self) -> dict[str, str]:
-        """Headers of ids, times and states, by name, where header and name differ.
+    def units(self) -> dict[str, str]:
+        """Units that headers, or a line below them, state, by the name of the state."""
+        columns = zip(self.names, (mix[0][0] for mix in self.state), strict=True)
+        units = {n: self.stated.get(k) or unit_of(self.headers[k]) for n, k in columns}
+        return {} if self.fixed else {name: unit for name, unit in units.items() if unit}
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Headers, by name, of ids, times, and states that are a single column.
 
         Empty if the headers are `fixed`.
         """
-        headers = self._headers()
-        return {name: header for name, header in headers.items() if header.casefold() != name}
-
-    def _headers(self) -> dict[str, str]:
-        """Return, by name, the headers of ids, times, and states that are a single column."""
         if self.fixed:
             return {}
         states = zip(self.names, self.state, strict=True)
@@ -187,7 +243,7 @@ class Roles:
         `clouds` says whether rows are particles. Particles use weights but not covariances, and
         other rows use covariances but not weights.
         """
-        for name, header in self._headers().items():
+        for name, header in self.named.items():
             if name in self.missing:
                 yield (
                     f"{name} is read from column {quoted(header)}: there is no header as named by "
@@ -353,11 +409,19 @@ def find_roles(
         second=second,
         missing=missing,
         more_ids=more_ids,
-        other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
+        other_ids=tuple(k for k in headers.places("id") if k not in used),
         groups=tuple(
             k
             for k, name in enumerate(names)
             if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
+        ),
+        flags=tuple(
+            k
+            for k, name in enumerate(names)
+            if k not in used
+            and not fixed
+            and (match := FLAG.fullmatch(name))
+            and (match["score"] is None or "truth" in (options.option.partition("_")[0], where))
         ),
         height=height,
         options=options,
@@ -405,8 +469,17 @@ def _check_stamp(headers: Headers) -> None:
         raise InputError(f"{headers.where}: {parts} are two parts of one time; read both, {remedy}")
 
 
+DATE = re.compile(r"(.*[\W_])?date([\W_]?utc)?")
+"""Pattern of headers of dates."""
+
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
 """Pattern of headers of classes; as in groups, ids may restart in each class."""
+
+
+FLAG = re.compile(
+    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?visib(le|ility)", re.I
+)
+"""Pattern of headers of marks of rows that do not count (not 0), of scores and visibility (0)."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
@@ -637,13 +710,13 @@ def are_numbers(fields: Sequence[str]) -> bool:
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
-def without_header(fields: Sequence[str], name: str, where: str) -> str:
+def without_header(fields: Sequence[str], name: str, where: str, order: str = "id,t,x,y") -> str:
     """Return the message about a table that begins with numbers instead of a header."""
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in the order of the "
-        f"file with {option(name or 'columns', 'id,t,x,y')} (also z, left, top, width, height; a "
+        f"file with {option(name or 'columns', order)} (also z, left, top, width, height; a "
         "minus for a column to skip), "
         f"or name the format ({formats})"
     )

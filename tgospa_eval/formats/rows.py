@@ -168,6 +168,21 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
     return numbered(whole, name)
 
 
+def spacings(ids: NDArray[Any], times: NDArray[Any], places: Floats) -> tuple[float, float]:
+    """Return the median distances of consecutive rows of one id, and of one time; or NaN.
+
+    The first two columns of `places` are the position.
+    """
+
+    def spacing(first: NDArray[Any], second: NDArray[Any]) -> float:
+        order = np.lexsort((second, first))
+        alike = first[order][1:] == first[order][:-1]
+        lengths = np.linalg.norm(np.diff(places[order, :2], axis=0)[alike], axis=1)
+        return float(np.median(lengths)) if 2 * len(lengths) >= len(ids) > 2 else np.nan
+
+    return spacing(ids, times), spacing(times, ids)
+
+
 def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
     """Return the rule that excludes rows without an id, in the form of `Rows.excluded`."""
     blank = blanks(ids)

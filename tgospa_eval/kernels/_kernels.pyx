@@ -1,6 +1,9 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""Loops that would need large temporary arrays in NumPy; each names its NumPy twin.
+"""Compiled loops that would need large temporary arrays in NumPy.
+
+Each section names its *NumPy twin*: the code that does the same if there are no compiled kernels.
+Words, letters and shapes are those of `tgospa_eval.solvers`.
 
 All arrays are contiguous, and indices have 32 bits. The loops run without the interpreter lock, and
 never on the same rows in two threads, so that results do not depend on the number of threads.
@@ -27,7 +30,7 @@ cdef double NEVER = 1e300
 
 
 cdef object full_of(Py_ssize_t size, value, kind=np.int32):
-    """Fill an array; np.full takes as long as many of the loops here."""
+    """Return an array filled with `value`; np.full takes as long as many of the loops here."""
     array = np.empty(size, kind)
     array.fill(value)
     return array

@@ -1,4 +1,4 @@
-# The solvers of paths: best paths, coordinate ascent of prices, entropic sweeps.
+# Kernels of the solvers: best paths, bounds, entropic sweeps.
 
 
 # --- best paths: the twin is problem.paths.best_values ------------------------------------------
@@ -32,9 +32,9 @@ cdef class Layout:
     cdef const u8[::1] open
     cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
     cdef const double[::1] switch_price, gains, offsets
-    cdef Py_ssize_t longest, widest  # most states, and most pairs, of a row
-    cdef double[::1] before, lost    # room for intermediate results, made once:
-    cdef double[:, ::1] room         # small problems take no longer to solve than to make arrays
+    cdef Py_ssize_t longest, widest  # largest number of states, and of pairs, of a row
+    cdef double[::1] before, lost    # room for intermediate results, made only once,
+    cdef double[:, ::1] room         # as making arrays takes as long as solving a small problem
     cdef i32[::1] came
 
     def __init__(self, states, const double[::1] switch_price, double price,
@@ -59,7 +59,7 @@ cdef class Layout:
         self.room, self.came = np.empty((5, longest + 1)), np.empty(longest + 1, np.int32)
 
     def keep(self, const u8[::1] blocks):
-        """Continue with these blocks, (B,); their nodes without own states are columns."""
+        """Continue with these blocks, (B,): write their nodes to `rows` and `columns`."""
         cdef Py_ssize_t nodes = self.block.shape[0], i, a, low, rows = 0, columns = 0, pairs
         row_array, column_array = np.empty(nodes, np.int32), np.empty(nodes, np.int32)
         cdef i32[::1] row = row_array, column = column_array
@@ -85,16 +85,16 @@ cdef class Layout:
 
 
 cdef struct Row:
-    Py_ssize_t low, high         # its states
-    const i32 *order             # these in time, and the first step of each
+    Py_ssize_t low, high         # range of its states
+    const i32 *order             # the states in order of time, and the first step of each state
     const i32 *begin
     const double *switch_price
-    const double *offset         # of its groups
+    const double *offset         # offsets of its groups
 
 
 cdef struct Paths:
-    double* value                # arrays of one row: gains minus prices,
-    double* forward              # results of `row_forward` and `row_backward` for each state
+    double* value                # for each state of one row: its gain minus its price,
+    double* forward              # and results of `row_forward` and `row_backward`
     double* none
     double* rest
     double* slack
@@ -119,12 +119,13 @@ cdef inline Paths paths_in(Layout layout) noexcept nogil:
 
 
 cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
-    """Compute the best value of a path up to each state of one row, and its state before (or -1).
+    """Compute the best path up to each state of one row: its value, and its state before (or -1).
 
-    ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
-    + value_s``, and ``h = h - r``, see `problem.paths.best_values`. `forward` is F - h, and
-    h = `none` + `rest` is a sum of two doubles, so that long recordings lose no digits. Returns the
-    value of the best path, and writes its last state to `final`.
+    F_s is the value of the best path that ends in state s, and h that of the best path that is at
+    "none". At each step ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s =
+    max(F_before, h - lambda) + value_s``, and ``h = h - r``, see `problem.paths.best_values`.
+    `forward` is F - h, and h = `none` + `rest` is a sum of two doubles, so that long recordings
+    lose no digits. Returns the value of the best path, and writes its last state to `final`.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -186,11 +187,11 @@ cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
 
 
 cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noexcept nogil:
-    """Add the losses of the assignment of one row against its best path to their steps.
+    """Add to `at`, for each step, what the assignment of one row loses there against its best path.
 
     The losses are the reduced costs, at the values of `row_forward`, of the transitions that the
-    assignment uses. Each loss is >= 0, and their sum is the regret of the row. `weight` begins with
-    the row, and `at` with the first step.
+    assignment uses. Each loss is >= 0, and their sum is the regret of the row. `weight` points to
+    the first state of the row, and `at` to the first step.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -239,9 +240,10 @@ cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noe
 cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noexcept nogil:
     """Compute ``slack_s = best - (F_s + B_s)``, the loss of the best path through each state.
 
-    ``h = max(h, value_s + B_s - lambda)``, ``B_before = max(value_s + B_s, h - lambda)``, backward.
-    `forward` and `none` are those of `row_forward`, but `forward` is no longer relative. `none`
-    becomes the loss of the best path that is at "none" when the state begins.
+    B_s is the value of the best way to continue after state s, and h that after "none". Backward in
+    time, ``h = max(h, value_s + B_s - lambda)`` and ``B_before = max(value_s + B_s, h - lambda)``.
+    `none` is that of `row_forward`, and `forward` is F: its result plus `none`. `none` becomes the
+    loss of the best path that is at "none" when the state begins.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -295,7 +297,7 @@ globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPT
 
 
 cdef void run_up(Layout layout, const double* price) noexcept nogil:
-    """Sum the prices before each slot of a column, in two parts, because recordings may be long."""
+    """Sum the prices before each slot of a column, as two doubles, as recordings may be long."""
     cdef Py_ssize_t r, t
     cdef double *before = &layout.before[0], *lost = &layout.lost[0]
     cdef double total, rest
@@ -308,9 +310,10 @@ cdef void run_up(Layout layout, const double* price) noexcept nogil:
 
 
 cdef double row_own(Row row, const double* value, const Weight* weight) noexcept nogil:
-    """Return the value of the assignment of one row: sum weight x value - changes - offsets.
+    """Return the value of the assignment of one row.
 
-    `value` and `weight` begin with the row.
+    It is the sum of weight times value, minus the cost of changes, and minus the offsets where the
+    row is at "none". `value` and `weight` point to the first state of the row.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -337,7 +340,7 @@ cdef double row_own(Row row, const double* value, const Weight* weight) noexcept
 
 
 cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexcept nogil:
-    """Write feasible weights 0 and 1: states that are MAJORITY, unless an earlier one blocks them.
+    """Write feasible weights: 1 for MAJORITY states whose row and slots are free, 0 for others.
 
     `load` (K,) must be zeros at first, and becomes the number of rows on each column slot.
     """
@@ -372,7 +375,7 @@ cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexce
 
 
 cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
-    """Give each row in turn its best path through the slots that other rows leave; count changes.
+    """Give each row in turn its best path through slots that other rows leave; count improvements.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
@@ -419,7 +422,8 @@ cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nog
 cdef class Brackets:
     """The best prices and the best assignment of each block so far, and both bounds.
 
-    Sums by block are 0 in blocks that are not open.
+    A *survey* computes the best path of each row at some prices. Sums by block are 0 in blocks that
+    are not open.
 
     Parameters
     ----------
@@ -437,7 +441,7 @@ cdef class Brackets:
     most : (B,) float array
         Gain at which a block would cost 0: its unassigned cost minus offsets. The caller sets it.
     flags, chosen : (S,), (S,) uint8 arrays
-        Marks of each state by the last survey, and the last chosen working set.
+        Marks of each state by the last `mark` or `choose`, and the last working set.
     best, own : (nodes,), (nodes,) float arrays
         Value of the best path of each row, and of an assignment, by the last survey.
     """
@@ -470,17 +474,17 @@ cdef class Brackets:
         return np.array(self.found)
 
     def mark(self, const double[::1] prices, double reach):
-        """Set the `flags` of every state, and the values `own` of the best weights, at prices."""
+        """Set the `flags` of every state, and the values `own` of the best weights, at `prices`."""
         with nogil:
             self._survey(&prices[0], True, reach, NULL)
 
     def regrets(self, const double[::1] prices, double[::1] lost):
-        """Add the losses of the best assignment against the best paths to their steps, (T + 1,)."""
+        """Add to `lost` (T + 1,), at each step, what the best weights lose against best paths."""
         with nogil:
             self._survey(&prices[0], False, 0.0, &lost[0])
 
     def try_prices(self, const double[::1] prices):
-        """Keep the prices in the open blocks in which they prove more."""
+        """Keep the prices in those open blocks in which they prove more than the prices so far."""
         with nogil:
             self._take_prices(&prices[0])
 
@@ -559,7 +563,7 @@ cdef class Brackets:
                 last = paths.came[last]
 
     cdef void _pay(self, const double* price) noexcept nogil:
-        """Write the sum of the prices of each block to `found`, adding columns as `sum_parts`."""
+        """Write the sum of the prices of each block to `found`; it is rounded as by `sum_parts`."""
         cdef Py_ssize_t r, K = self.price.shape[0], low, high
         cdef i32 i
         cdef double* last = &self.layout.before[0]
@@ -581,7 +585,7 @@ cdef class Brackets:
         """Write the bound of each block to `found`, after a survey at the prices."""
         cdef Py_ssize_t b
         self._pay(price)
-        for b in range(self.found.shape[0]):  # and the rounding of the values of paths
+        for b in range(self.found.shape[0]):  # add the rounding of the values of paths
             self.found[b] = (1 + self.rounding) * self.found[b]
         self._add_rows(&self.bests[0], &self.found[0])
 
@@ -619,13 +623,13 @@ cdef class Brackets:
         return np.array(self.found)
 
     def try_weights(self, const double[::1] weights):
-        """Keep the feasible assignment in the open blocks in which it gains more."""
+        """Keep the feasible weights in those open blocks in which they gain more than before."""
         with nogil:
             self._value(&weights[0])
             self._take_weights(&weights[0])
 
     def round(self, int rounds):
-        """Try the majorities, then optimise each row for the other rows, up to `rounds` times."""
+        """Try weights 0 and 1: from MAJORITY, then improved row by row up to `rounds` times."""
         cdef u8* rounded = &self.rounded[0]
         cdef i32* load = <i32*>&self.layout.before[0]  # its sums are no longer needed
         cdef int k
@@ -676,7 +680,7 @@ cdef class Brackets:
         return found
 
     def only_rounding(self, double gap):
-        """Return whether mostly the rounding of its prices keeps some bracket wide."""
+        """Return whether there is a wide bracket whose width is mostly the rounding of prices."""
         cdef Py_ssize_t b
         self._pay(&self.price[0])
         for b in range(self.found.shape[0]):
@@ -692,7 +696,7 @@ cdef class Brackets:
 
     @property
     def open_dual(self):
-        """Sum of the bounds of the open blocks, in NumPy's order."""
+        """Sum of the bounds of the open blocks, added in NumPy's order."""
         cdef Py_ssize_t b, n = 0
         for b in range(self.duals.shape[0]):
             if self.layout.open[b]:
@@ -727,10 +731,11 @@ def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] firs
     """Compute best values of paths through the free states of a programme, forward in time.
 
     Rows have borders before, between and after their constraints, numbered row by row from `first`
-    (rows + 1,) on. States lie between the borders `low` and `high`; a state without a constraint is
-    at the end of the state before it. `order` has the states by (high, number). A state that
-    `follows` the state before it continues its value. Returns the value of "none" at each border,
-    and the value of each state at its end minus that of "none", cut to [-leave, leave].
+    (rows + 1,) on. Each state lies between its borders `low` and `high`; a state without a
+    constraint is at the end of the state before it. `order` has the states, sorted by (high,
+    number). A state that `follows` the state before it continues its value. Returns the value of
+    "none" at each border, and the value of each state at its end minus that of "none", limited to
+    [-leave, leave].
     """
     cdef Py_ssize_t F = order.shape[0], a, b, c
     cdef i32 s, r, at = 0
@@ -777,17 +782,17 @@ cdef enum:
     FIRST = 4    # node: the window begins
     CERTAIN = 8    # node and state: before it the row was surely in this pair
     FINAL = 16   # node and state: after it the row is surely in this pair
-    FREE = 8     # number of constraints that mean "no price": alternating, for independent sums
+    FREE = 8     # number of constraints that mean "no price"; links use them in turn, to sum faster
 
 
 cdef void working_set(Layout layout, const double* weight, const double* price, const u8* flags,
                       u8* chosen) noexcept nogil:
-    """Choose the states of a chain: 1 means chosen, with CERTAIN and FINAL at the ends of gaps.
+    """Choose the states of a chain: write 1, and the bits CERTAIN and FINAL next to gaps.
 
-    States that are NEAR by the flags of `survey`, and states in use, are chosen. If a row has only
-    one option for some steps, and no other row competes for it, only the first and the last of
-    these states are chosen. Rows without competition are left out (docs/theory/solvers.md, "Working
-    set").
+    States with the flag NEAR and states with a weight are chosen, with two exceptions. If a row has
+    only one option for some steps, and no other row competes for it, only the first and the last of
+    these states are chosen; between them is a *gap*. Rows without competition are left out
+    (docs/theory/solvers.md, "Working set").
     """
     cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
     cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
@@ -822,8 +827,8 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
         if not rivalled:
             memset(chosen + low, 0, high - low)
             continue
-        # A state is sure (2) if, while it lasts, its row has no other chosen state, nor "none", and
-        # its column has no rival.
+        # A state is sure (2) in this case: while it lasts, its row has no other chosen state and
+        # cannot be at "none", and its column has no rival.
         first = begin[low]
         active = 0
         group = 0
@@ -889,10 +894,10 @@ cdef struct Walk:
     i32* link_at
 
 
-cdef struct AtRow:               # data of a pass about a row at its latest node: one cache line
+cdef struct AtRow:               # data of a pass on the latest node of a row: one cache line
     double none                  # mass at "none",
     double left[2]               # in states that continue, and in states that may end or begin here
-    double price                 # q there
+    double price                 # q at this node
     double factor[2]             # factors of the mass of a link: by way of "none", and without
     double added[2]
 
@@ -912,7 +917,7 @@ cdef class Chain:
     chosen : (S,) uint8 array
         The working set, from `working_set`.
     price : (K,) float array
-        Prices at the start, absorbed into the kernel.
+        Prices at the start, which `heat` subtracts from the gains.
     most : int
         Largest number of links. If more are needed, nothing is built, and `links` is their number.
     """
@@ -1008,9 +1013,10 @@ cdef class Chain:
 
     cdef object _constrain(self, Layout layout, const u8* chosen, const double* price,
                            i32* constraint_of, i32* after, i32* opens):
-        """Write the stretches of slots with the same chosen states that need a price, by step.
+        """Write the stretches of slots that need a price, sorted by step.
 
-        A stretch needs a price if two states compete for it, or if it has a price that may fall.
+        A *stretch* is a sequence of slots with the same chosen states. It needs a price if two
+        states compete for it, or if it has a price that may fall.
         `opens` is room for 2 (K + 1) numbers; these and `constraint_of` must be zeros at first.
         """
         cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
@@ -1030,7 +1036,7 @@ cdef class Chain:
                     if chosen[s] and slot_end[s] > slot_begin[s]:
                         opens[slot_begin[s]] += 1
                         closes[slot_end[s] - 1] += 1
-        for fill in (False, True):  # first their number at each step, then the stretches
+        for fill in (False, True):  # first count the stretches of each step, then write them
             with nogil:
                 for r in range(layout.column.shape[0]):
                     c = columns[r]
@@ -1188,7 +1194,11 @@ cdef class Chain:
                 at.cursor[x] = at.after[at.cursor[x] + 1]
 
     def heat(self, double epsilon):
-        """``K = exp((g - v - mu) / epsilon)``, ``K_0 = exp(-mu / epsilon)``, mu the largest or 0."""
+        """Compute K of each link and K_0 of each node at a temperature.
+
+        ``K = exp((g - v - mu) / epsilon)`` for the gain g and the price v of a link, and ``K_0 =
+        exp(-mu / epsilon)``. mu is the largest g - v of the links of a node, but at least 0.
+        """
         cdef Py_ssize_t n, l, c, k
         cdef double top, value
         with nogil:
@@ -1235,7 +1245,7 @@ cdef class Chain:
         return done, violation
 
     def cool(self, double epsilon):
-        """Set ``v <- max(v - epsilon log u, 0)``: move price changes from messages to `price`."""
+        """Set ``v <- max(v - epsilon log u, 0)``: move changes from factors u to prices v."""
         cdef Py_ssize_t c
         with nogil:
             for c in range(FREE, self.constraints + FREE):
@@ -1245,7 +1255,7 @@ cdef class Chain:
                 self.u[c] = 1.0
 
     def write_prices(self, double[::1] price):
-        """Write prices of stretches to their slots: raise the first slot, or scale all down."""
+        """Write prices of stretches to their slots: raise the first slot's, or scale all down."""
         cdef Py_ssize_t c, t
         cdef double total
         with nogil:
@@ -1286,7 +1296,8 @@ cdef class Chain:
 
         ``A_0' = a_0 + q S'``, ``A_s' = (1 - q^2) a_s + q A_0'``, S' the sum over the states that
         may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
-        1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r outside 1e-10..1e10.
+        1 / w_0)`` (docs/theory/solvers.md, "Messages"). If the messages of a node sum to a number
+        outside 1e-10..1e10, they are scaled by r.
         """
         cdef Py_ssize_t step, k, n, l, c, low, high, first, last
         cdef i32 row
@@ -1323,7 +1334,7 @@ cdef class Chain:
             for n in range(low, high):
                 here = &at[node_row[n]]
                 q = here.price if reverse else stay[k]
-                if q < 0.0 or ends[n] & start:  # nothing to pay
+                if q < 0.0 or ends[n] & start:  # no switch price here
                     none = 0.0 if ends[n] & sure else 1.0
                     here.factor[0], here.added[0], here.factor[1] = 0.0, 1.0, 1.0
                 else:

@@ -9,7 +9,10 @@
 
 cdef inline double apart(const double* a, const double* b, const double* scale, Py_ssize_t size,
                          int power, double most) noexcept nogil:
-    """Return a norm of the difference (power 0: largest component); stop early from `most` on."""
+    """Return a norm of the scaled difference of two points (power 0: the largest component).
+
+    If the norm is `most` or more, the result may be only a part of it that is also `most` or more.
+    """
     cdef double total = scale[0] * fabs(a[0] - b[0]), other
     cdef Py_ssize_t k
     for k in range(1, size):
@@ -45,22 +48,23 @@ cdef Py_ssize_t widest_axis(const double[:, ::1] states, const int64_t[:, ::1] r
 
 
 cdef enum:
-    SEEN = 1000  # states that choose an axis
-    FEW = 12     # estimates of a step that are one cell
+    SEEN = 1000  # number of states by which an axis is chosen
+    FEW = 12     # number of estimates of a step up to which they are one cell
 
 
 def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                 const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                 double cutoff, int power, const double[::1] scale, Py_ssize_t most):
-    """Return near pairs of finite points of some steps, and distances; None if there are too many.
+    """Return near pairs of points at some steps, and their distances. All points must be finite.
 
     The estimates of a step are sorted into cells along one axis, as wide as the cutoff, and each
-    true object is compared with those of three cells. Rows of a step are [begin, end) of
-    (2, steps). Rows of pairs are counted from the first row of the first step, without rows of
-    other steps. `most` limits the number of compared pairs.
+    true object is compared with those of three cells. If that takes more than `most` comparisons,
+    the result is None. `truth_rows` and `estimate_rows` (2, steps) have the first row of each step,
+    and the row after its last row. The rows of the result are counted from 0 among the rows of
+    these steps.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, k, count = 0, n = 0
-    cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
+    cdef Py_ssize_t first = 0, second = 0  # numbers of rows of the steps before
     cdef Py_ssize_t own, low, size, cells, truths = 0, estimates = 0, longest = 0
     cdef double value, least, width
     cdef bint near
@@ -80,7 +84,8 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
             least, value = INFINITY, -INFINITY
             for j in range(low, low + size):
                 least, value = fmin(least, estimate[j, axis]), fmax(value, estimate[j, axis])
-            # Quotients are exact to 2^-20: at most `size` + 1 cells, and near points differ by 1.
+            # Quotients are exact to 2^-20. So there are at most `size` + 1 cells, and the cells of
+            # near points differ by at most 1.
             width = fmax(cutoff / scale[axis] * (1 + 2.0**-10), (value - least) / size)
             cells = 1
             if size > FEW and 1e-290 < width < 1e300:
@@ -118,7 +123,7 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
             low, size = estimate_rows[0, t], estimate_rows[1, t] - estimate_rows[0, t]
             for i in range(truth_rows[0, t], truth_rows[1, t]):
                 own = first + i - truth_rows[0, t]
-                # Without a branch, which is unpredictable: pairs that are not near are overwritten.
+                # A branch would be unpredictable, so the next pair overwrites one that is not near.
                 count = n
                 for j in range(begin[own], end[own]):
                     near = True
@@ -143,9 +148,10 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
 def nearest_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                    const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                    int power, const double[::1] scale, Py_ssize_t sampled):
-    """Return distances of some truth rows to the nearest estimate; each step must have estimates.
+    """Return the distances of some truth rows to the nearest estimate of their step.
 
-    At most `sampled` rows of each step are used, at equal intervals.
+    At most `sampled` truth rows of each step are used, at equal intervals. Each step must have
+    estimates.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, n = 0, count, by
     cdef double value, best
@@ -195,7 +201,11 @@ cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcep
 
 def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const i32[::1] truth,
                   const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
-    """Return the smaller of the sums of largest gains of truth rows and of estimates, (steps,)."""
+    """Return, for each step, the smaller of two sums of largest gains, (steps,).
+
+    One is the sum over the truth rows of the largest gain of each, the other is that over the
+    estimate rows.
+    """
     cdef Py_ssize_t m = truth_step.shape[0], n = estimate_step.shape[0], a
     cdef double[::1] best = np.zeros(m + n)
     cdef double[::1] other = np.zeros(steps)
@@ -218,7 +228,9 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
              const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
     """Return the gain of a greedy choice of pairs at each step, and the round of each pair.
 
-    Pairs (N,) are in order of truth and estimate; the round of pairs that are not chosen is 0.
+    A round chooses every pair whose gain is the largest one left for both its rows. Then it leaves
+    out all pairs of these rows. Pairs (N,) are in order of truth and estimate; the round of pairs
+    that are not chosen is 0.
     """
     cdef Py_ssize_t N = gain.shape[0], m = truth_step.shape[0], begin = 0, end, a, count, kept
     cdef i32 t, p, q, turn
@@ -263,7 +275,11 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
 
 def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,
               const i32[::1] track, tables, const uint64_t[:, ::1] lanes):
-    """Return sums of hashes of all rows, one per lane; `tables` (R, n) are other values to hash."""
+    """Return the sum of the hashes of all R rows in each lane: a hash with its own multiplier.
+
+    A row is hashed by the moment of its step, the id of its track, and its values in `tables`, each
+    (R, n). `lanes` has the multipliers, and `ids` a number for each track and lane.
+    """
     cdef Py_ssize_t R = step.shape[0], first, last, r, c, k
     cdef uint64_t[::1] mixed = np.empty(min(R, 4096), np.uint64)
     cdef const uint64_t[:, :] table

@@ -5,7 +5,10 @@
 
 
 cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
-    """Return the sum by halves, down to eight parallel sums, as NumPy: rounding hardly grows."""
+    """Return the sum in the order of NumPy, in which rounding hardly grows.
+
+    Both halves are summed separately, and short pieces by eight parallel sums.
+    """
     cdef double part[8]
     cdef double total = 0.0
     cdef Py_ssize_t i, half, whole = size - size % 8
@@ -29,9 +32,10 @@ cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
 
 
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
-    """Write the positions by (key, position) to `order`: a counting sort.
+    """Write the positions, sorted by (key, position), to `order`: a counting sort.
 
-    `at` must be zeros at first, one more than there are keys, and becomes the end of each key.
+    `at` must be zeros at first, with one entry more than there are keys. Afterwards its entry k is
+    the end of the key k in `order`.
     """
     cdef Py_ssize_t n
     for n in range(key.shape[0]):
@@ -44,9 +48,10 @@ cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogi
 
 
 def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
-    """Return the pair of each entry, and truth and estimate of each pair, by (truth, appearance).
+    """Return the pair of each entry, and the truth and the estimate of each pair.
 
-    The entries of one true object are visited together, so that each estimate needs one mark only.
+    Pairs are numbered by truth, then by their first entry. The entries of one true object are
+    visited together, so that each estimate needs one mark only.
     """
     cdef Py_ssize_t N = truth.shape[0], e, a
     cdef i32 j, pairs = 0
@@ -76,7 +81,7 @@ def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int 
 
 
 def components(const i32[::1] a, const i32[::1] b, int nodes):
-    """Return the smallest node of the component of each node: union and find with halving."""
+    """Return, for each node, the smallest node of its component (union-find, path halving)."""
     root_array = np.arange(nodes, dtype=np.int32)
     cdef i32[::1] root = root_array
     cdef Py_ssize_t e
@@ -104,7 +109,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     """Return pairs, nodes and blocks from truth, estimate and step of each entry, in time order.
 
     The result is the pair of each entry, then the fields of `problem.states.GRAPH`, in their order.
-    `transpose` is that of `merge_runs`.
+    `transpose` is that of `problem.states.merge_runs`.
     """
     pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
     cdef const i32[::1] root = components(tracks, others + np.int32(truths), truths + estimates)
@@ -114,7 +119,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     cdef i32 b, blocks = 0, total = 0
     cdef bint is_row
     cdef i32[::1] number = full_of(nodes, -1)    # number of the block with this root
-    cdef i32[::1] block_of = full_of(nodes, -1)  # block of each track
+    cdef i32[::1] block_of = full_of(nodes, -1)  # block of each node
     with nogil:
         for p in range(P):  # by truth, so that blocks are numbered by their first truth
             if number[root[pt[p]]] < 0:
@@ -139,7 +144,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
         for i in range(nodes):
             if block_of[i] >= 0:
                 side[i >= truths, block_of[i]] += 1
-        for b in range(blocks):  # rows are estimates if a single one has several true objects
+        for b in range(blocks):  # a single estimate with several true objects is the row
             flip[b] = transpose and side[1, b] == 1 and side[0, b] > 1
             i = side[0, b] + side[1, b]
             side[1, b] = total + (1 if flip[b] else side[0, b])
@@ -178,10 +183,10 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
 
 def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
           bint single):
-    """Return the states by pair and time: `pair_first`, `begin`, `entry` (-1 for a run).
+    """Return the states, sorted by pair and time: `pair_first`, `begin`, `entry` (-1 for a run).
 
-    `first` and `last` (P,) are the window of each pair. With `single` a run is one state for each
-    step. Entries must be in order of time.
+    `first` and `last` (P,) are the first and the last step of the window of each pair. With
+    `single`, a run is divided into one state for each step. Entries must be in order of time.
     """
     cdef Py_ssize_t N = pair_of.shape[0], a, P = first.shape[0], p, n = 0
     cdef i32 k, next_step
@@ -232,7 +237,7 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
 
 
 def in_time(const i32[::1] begin, int steps):
-    """Return the states by (begin, number): a stable counting sort."""
+    """Return the states, sorted by (begin, number): a stable counting sort."""
     order = np.empty(begin.shape[0], np.int32)
     cdef i32[::1] out = order
     cdef i32[::1] at = np.zeros(steps + 1, np.int32)
@@ -243,10 +248,10 @@ def in_time(const i32[::1] begin, int steps):
 
 def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
           const i32[::1] pair_node, const u8[::1] shared):
-    """Return first slot of each shared node, step of each slot, and first slot of each state.
+    """Return the first slot of each node, the step of each slot, and the first slot of each state.
 
-    `order` has the states in order of time. Nodes that are not shared have no slots: the first slot
-    of their states is the (empty) place of the node.
+    `order` has the states in order of time. Only nodes that are `shared` by several pairs have
+    slots. For other nodes the first slot of a state is the (empty) place of the node.
     """
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
@@ -288,7 +293,10 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
 
 
 def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_row, int nodes):
-    """Return the states by (row, begin, number), and the first place of each node, (nodes + 1,)."""
+    """Return the states, sorted by (row, begin, number), and where each node begins.
+
+    The shapes are (S,) and (nodes + 1,).
+    """
     cdef Py_ssize_t S = order.shape[0], P = pair_row.shape[0], s, p, a
     cdef i32 node
     row_first = np.zeros(nodes + 1, np.int32)
@@ -399,7 +407,7 @@ def spans(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
 
 
 cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
-    """Add to a sum of two doubles: `rest` receives the rounding of `total` (Knuth)."""
+    """Add a part to the sum `total` + `rest`; `rest` receives the rounding of `total` (Knuth)."""
     cdef double new = total[0] + part
     cdef double got = new - total[0]
     rest[0] += (total[0] - (new - got)) + (part - got)
@@ -409,11 +417,12 @@ cdef inline void add_to(double* total, double* rest, double part) noexcept nogil
 def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
                    const i32[::1] entry, const double[::1] cost, double price,
                    const double[::1] prices=None):
-    """Return ``G - r = (D_best - D) + (A + B) - (A + B)_best``, and ``r = (A + B - D)_best``.
+    """Return gains relative to the cheapest pair of each group, and the gain r of this pair.
 
-    A *group* is the set of states of a row that begin together; "best" is its cheapest pair, and r
-    its offset. Differences of costs keep digits that sums of gains near 1 lose. A run loses the
-    offsets of all its steps, and so does "none", in `row_forward`.
+    A *group* is the set of states of a row that begin together. "best" is its cheapest pair, and
+    its *offset* is ``r = (A + B - D)_best``. A gain is ``G - r = (D_best - D) + (A + B) -
+    (A + B)_best``. Differences of costs keep digits that sums of gains near 1 lose. From a run the
+    offsets of all its steps are subtracted, and in `row_forward` also from "none".
 
     Parameters
     ----------
@@ -425,6 +434,7 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     Returns
     -------
     gain : (S,) float array
+        The gain G - r of each state.
     group_first : (nodes + 1,) int array
         The first group of each row.
     offset : (G,) float array
@@ -495,11 +505,11 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
 
 cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, double* work,
                    i32* index) noexcept nogil:
-    """Assign rows to at least as many columns by shortest augmenting paths.
+    """Assign every row to a column at the least cost, by shortest augmenting paths.
 
-    The operations are those of scipy.optimize.linear_sum_assignment (Crouse, 2016). `index` begins
-    with the columns of the rows afterwards. `work` has room for rows + 2 columns, `index` for
-    2 (rows + columns).
+    There must be at least as many columns as rows. The operations are those of
+    scipy.optimize.linear_sum_assignment (Crouse, 2016). Afterwards `index` begins with the column
+    of each row. `work` has room for rows + 2 columns, `index` for 2 (rows + columns).
     """
     cdef double* u = work
     cdef double* v = work + rows
@@ -532,7 +542,7 @@ cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, doub
                     lowest, best = distance[j], n
             least, j = lowest, left[best]
             count -= 1
-            left[best], left[count] = left[count], <i32>j  # used columns are behind the others
+            left[best], left[count] = left[count], <i32>j  # used columns come last
             if row_of[j] == -1:
                 break
             i = row_of[j]
@@ -553,7 +563,11 @@ cdef void cheapest(const double* cost, Py_ssize_t rows, Py_ssize_t columns, doub
 
 def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
            const i32[::1] column, const i32[::1] columns, const double[::1] gain):
-    """Return whether each pair of a component is assigned, and the lowest price of its column."""
+    """Return whether each pair is assigned, and the lowest price of its column.
+
+    Component b has rows[b] rows, columns[b] columns, and the pairs from first[b] on. `row` and
+    `column` of a pair are counted from 0 in its component.
+    """
     cdef Py_ssize_t b, e, i, j, m, n, turn, fewer
     cdef bint turned, moves
     cdef double have
@@ -616,7 +630,7 @@ def assign(const i32[::1] first, const i32[::1] row, const i32[::1] rows,
 
 # --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
 #
-# These functions call only `sort_by` and `pairwise` of the others, and no solver calls them.
+# No solver calls these functions. Of the functions above, they call only `sort_by` and `pairwise`.
 
 
 cdef inline double up(double value) noexcept nogil:
@@ -638,9 +652,10 @@ cdef inline double down(double value) noexcept nogil:
 
 def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
                 const double[::1] cost, const double[::1] price, double base):
-    """Return `Gains` if A + B is `base` for all pairs; gains of runs remain to be filled in.
+    """Return `problem.paths.Gains` if A + B is `base` for all pairs; `run_gains` adds the runs.
 
-    `group` (S,) is the row and step at which each state begins, `price` (S,) the price of each.
+    `group` (S,) is the index of the group of each state: its row and the step at which it begins.
+    `price` (S,) is the price of each state.
     """
     cdef Py_ssize_t S = entry.shape[0], s, b, g
     cdef double loss, d
@@ -674,10 +689,10 @@ def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
 def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1] pair_first,
                  const i32[::1] pair_row, const i32[::1] begin, const double[::1] value,
                  const double[::1] switch_price, const double[::1] offset):
-    """Return an upper bound of the best path's value of each row, (nodes,): `best_values`.
+    """Return an upper bound of the value of the best path of each row, (nodes,): `best_values`.
 
-    `group` (S,) is the row and step at which each state begins, `group_first` (nodes + 1,) the
-    first group of each row; `switch_price` is one number, or one for each step.
+    `group` (S,) is the index of the group of each state (row and begin), and `group_first`
+    (nodes + 1,) the first group of each row. `switch_price` has one number, or one for each step.
     """
     cdef Py_ssize_t S = begin.shape[0], nodes = group_first.shape[0] - 1, a, c, p
     cdef i32 i, g, s
@@ -718,7 +733,8 @@ def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_fi
               const i32[::1] entry, const double[::1] price, double[::1] relative):
     """Fill in the relative gains of runs, ``-v - sum r``, as `problem.paths.relative_gains`.
 
-    `unit` and `sums` are the running sums of the offsets over the slots of `first` and `begin`.
+    `first` and `begin` are the slots of rows, and `sums`, in the `unit` of each node, are running
+    sums of the offsets r over these slots.
     """
     cdef Py_ssize_t p, s
     cdef uint64_t before, after
@@ -739,8 +755,8 @@ def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entr
               const i32[::1] pair_first, const i32[::1] pair_node, i32[::1] left):
     """Return the cost of the best pair of each group, or 0; lower `left` by 1 at its column slot.
 
-    `best` (G,) and `group` (S,) as in `Gains` and `row_steps`; `first`, `begin`, `pair_first` and
-    `pair_node` are those of the columns.
+    `best` (G,) is that of `Gains`, and `group` (S,) comes from `row_steps`. `first`, `begin`,
+    `pair_first` and `pair_node` are those of the columns.
     """
     cdef Py_ssize_t p, s
     cdef i32 end
@@ -806,7 +822,8 @@ cdef class Terms:
 def break_down(states, const int64_t[::1] weight, int64_t one, bounds):
     """Return the sums of `problem.certificate.break_down`, for parts without a common pair.
 
-    `bounds` are the first pair, first truth row and first estimate row of each part, and the ends.
+    `bounds` has three arrays: the first pair, the first truth row and the first estimate row of
+    each part, and at the end their numbers.
 
     Returns
     -------

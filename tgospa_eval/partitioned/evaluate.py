@@ -17,7 +17,13 @@ from tgospa_eval.distances.base import check_columns
 from tgospa_eval.engines import Engine, PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
-from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
+from tgospa_eval.evaluation.diagnosis import (
+    alignment_notices,
+    axis_notices,
+    default_notice,
+    diagnose,
+    explained,
+)
 from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.memory import Share
 from tgospa_eval.evaluation.prepare import digest_of_evaluated, fit, recorded_settings
@@ -98,6 +104,7 @@ class SideSummary(Reading):
             rows=side.steps.rows,
             format=side.format,
             missing=side.roles.missing,
+            units=side.roles.units,
             left_out=dict(left_out),
             named=tuple(side.steps.classes),
             at_steps=sum(block["at_steps"] for block in blocks),
@@ -177,9 +184,7 @@ def evaluate_partitioned(
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
                 stopwatch.notify(f"{changed}: has changed since the last run; starting again")
-            reading, texts = _with_heights(reading, paths, request_of)
-            for text in texts:
-                stopwatch.notify(text)
+            reading, about = _with_heights(reading, paths, request_of)
             truth, estimate = (
                 open_side(path, options, role, work=work / "sides", rows_together=rows, run=run)
                 for path, options, role in zip(paths, reading, ROLES, strict=True)
@@ -194,7 +199,7 @@ def evaluate_partitioned(
                     stopwatch.notify(f"{paths[0]}: {text}")
             axis, grid, plan = find_steps(sides, clocks, request, paths)
 
-        diagnosed = diagnose_middle(plan, grid) if len(plan.times) else []
+        diagnosed = [*about, *(diagnose_middle(plan, grid) if len(plan.times) else ())]
         for notice in diagnosed:
             if not notice.code:
                 stopwatch.notify(str(notice))
@@ -234,7 +239,7 @@ def _with_heights(
     reading: tuple[ReadOptions, ReadOptions],
     paths: tuple[str, str],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
-) -> tuple[tuple[ReadOptions, ReadOptions], list[str]]:
+) -> tuple[tuple[ReadOptions, ReadOptions], list[Notice]]:
     """Return the options for reading, and notices about heights.
 
     The returned options read heights if both sides have them.
@@ -249,13 +254,17 @@ def _with_heights(
         for (format, files), options in zip(map(files_of, paths), reading, strict=True)
     ]
     headers = [roles.height for roles in heads]
+    each = list(zip(headers, reading, (roles.names for roles in heads), strict=True))
     if all(headers):
         check_heights(headers, request_of(heads[0].names).distance.name)
-        texts = [heights_notice(header, one) for header, one in zip(headers, reading, strict=True)]
         first, second = (replace(one, heights="use") for one in reading)
-        return (first, second), texts
-    named = zip(headers, paths[::-1], strict=True)
-    return reading, [left_out_heights(header, other) for header, other in named if header]
+        return (first, second), [Notice(text=heights_notice(*one)) for one in each]
+    pairs = zip(each, paths, paths[::-1], strict=True)
+    return reading, [
+        left_out_heights(*one, f"{other} has none").about(path)
+        for one, path, other in pairs
+        if one[0]
+    ]
 
 
 def _marking(
@@ -344,7 +353,7 @@ def _result(
     if evaluated.unjudged is not None:
         counts = counts - evaluated.unjudged.ignored
     switches = float(proof.breakdown.switch_count.sum())
-    numbers, followed = tracking(evaluated, max(len(axis.horizon.times), 1), switches)
+    numbers, followed = tracking(evaluated, switches)
     counting = digest_of_sums(columns, [block.counting for block in blocks])
     return make_result(
         PartitionedResult,
@@ -386,12 +395,11 @@ def _result(
     )
 
 
-def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json, Floats]:
+def tracking(evaluated: Evaluated, switches: float) -> tuple[Json, Floats]:
     """Return the numbers of the summary, and the followed share of the steps of each truth.
 
     The numbers are only those that can be computed from sums over assigned pairs and tracks.
-    `horizon` is the number of steps by which values per step are divided. `switches` is the number
-    of switches.
+    `switches` is the number of switches.
     """
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
@@ -405,6 +413,7 @@ def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json,
             total, whole = total + float(weight.sum()), whole and bool((weight == 1).all())
             first, second = first + float(weight @ error), second + float(weight @ error**2)
     states = [tracks.evaluated for tracks in evaluated.tracks]
+    count = max(len(evaluated.objects[0]), 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         followed = [
             (own - costs.unassigned_count) / own
@@ -425,15 +434,15 @@ def tracking(evaluated: Evaluated, horizon: int, switches: float) -> tuple[Json,
         "mean_error": ratio(first, total),
         "switches_per_truth": ratio(switches, int(np.count_nonzero(states[0]))),
         "false_tracks": int(np.count_nonzero(false)),
-        "false_tracks_per_step": ratio(float(states[1][false].sum()), horizon),
+        "false_tracks_per_step": ratio(float(states[1][false].sum()), count),
         "false_track_length": mean(states[1][false].astype(np.float64)),
     }
     if evaluated.unjudged is None:
         surplus = evaluated.objects[1] - evaluated.objects[0]
         numbers |= {
-            "cardinality_error": ratio(float(surplus.sum()), horizon),
-            "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), horizon),
-            "cardinality_rms": root(ratio(float((surplus**2).sum()), horizon)),
+            "cardinality_error": ratio(float(surplus.sum()), count),
+            "cardinality_mean_absolute": ratio(float(np.abs(surplus).sum()), count),
+            "cardinality_rms": root(ratio(float((surplus**2).sum()), count)),
         }
     if whole:
         numbers["siap"] = {
@@ -491,12 +500,17 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(plan.rows, DIAGNOSED_ROWS)
     piece = plan.piece(first, last + 1)
-    truth, estimate = (reading.trajectories for reading in piece.read())
+    readings = piece.read()
+    truth, estimate = (reading.trajectories for reading in readings)
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # only original times show faults of clocks
         sides = fit(truth, estimate, request, names)
-    warnings = diagnose(sides, request)
+    warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
+    if request.defaults:
+        on = sides.alignment, sides.distance, request.parameters, request.defaults
+        default = default_notice(*on, is_explained=explained(warnings))
+        warnings = [*warnings, *([default] if default.code else [])]
     shown = grid.truth.shown
     return notices + [
         notice.about(f"from step {shown[first]} to {shown[last]}") for notice in warnings

@@ -203,17 +203,17 @@ def find_steps(
     """
     matching = request.time_matching
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
+    grid = align(*axis.sides, matching, names)
+    if matching.of_estimate:
+        axis = replace(axis, horizon=grid.truth)
+    if grid.union and not len(grid.truth.times):
+        raise ConfigError(f"{option('grid', matching.grid)}: no step is left of {grid.union:,}")
     if matching.of_estimate and matching.outage != "none":
         raise ConfigError(
             f"{option('grid', matching.grid)}: for data in parts it is not known what a tracker "
             f"misses in outages; use {option('grid', 'truth')}, or {option('outage', 'none')} "
             "if the tracker reports only what it sees"
         )
-    grid = align(*axis.sides, matching, names)
-    if matching.of_estimate:
-        axis = replace(axis, horizon=grid.truth)
-    if grid.union and not len(grid.truth.times):
-        raise ConfigError(f"{option('grid', matching.grid)}: no step is left of {grid.union:,}")
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
     sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
     plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)

@@ -217,7 +217,8 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
 def columns_in_use(roles: Roles) -> list[str]:
     """Return the headers of all columns that are read, in a fixed order."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
-    return [roles.headers[column] for column in (*columns, *roles.numbers, *roles.texts)]
+    columns += [*roles.numbers, *sorted({*roles.texts} - roles.doubtful)]
+    return [roles.headers[column] for column in columns]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,8 +27,8 @@ NEES = "nees"
 STORED_NEES = f"{NEES}.sums"
 """Column of a store that has the sums as text."""
 
-ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
-"""Codes of notices about covariances."""
+ABOUT_THE_ORDER = ("overconfident", "underconfident", "order-by-covariances", "copies")
+"""Codes of notices about a ranking."""
 
 INSIDE = 0.95
 """Probability of the region in which pairs count as inside, and of the band of the mean."""

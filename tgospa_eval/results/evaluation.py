@@ -283,10 +283,25 @@ class Evaluation(ABC):
 
     @property
     def normalised(self) -> dict[str, float]:
-        """``(total / n) ** (1 / order)``, where n counts steps, or states of the truth."""
-        total, states = self.proof.breakdown.total, self.evaluated_on.truth_states
-        per_object = {"per_object": self._root(total / states)} if states else {}
-        return {"tgospa": self._root(total / self.evaluated_on.each)} | per_object
+        """``(total / n) ** (1 / order)`` and its bounds; n counts steps, or states of the truth."""
+        total, bounds, root = self.proof.breakdown.total, self.proof.bounds, self.proof.outward_root
+        each = {"tgospa": self.evaluated_on.each, "per_object": self.evaluated_on.truth_states}
+        values: dict[str, float] = {}
+        for (name, count), before in zip(each.items(), ("", "per_object_"), strict=True):
+            if count:
+                values |= {
+                    name: self._root(total / count),
+                    f"{before}lower_bound": root(bounds.lower / count, -1),
+                    f"{before}upper_bound": root(bounds.upper / count, 1),
+                }
+        return values
+
+    def each_in_words(self, name: str, digits: int = 6) -> str:
+        """Format a value of `normalised`, with its lower bound if it is not exact."""
+        before = "" if name == "tgospa" else f"{name}_"
+        low = self.normalised[f"{before}lower_bound"]
+        value = self.quantity(self.normalised[name], digits)
+        return value if self.certified else f"{number(low, digits)} to {value}"
 
     @cached_property
     @abstractmethod
@@ -310,10 +325,12 @@ class Evaluation(ABC):
     @property
     def headline(self) -> str:
         """Most important numbers of tracking, in one sentence."""
-        each, quantity = self.normalised.get("per_object"), partial(self.quantity, digits=3)
+        quantity = partial(self.quantity, digits=3)
         numbers, counts = self.summarised.numbers, self.counts
         words = headline(numbers, counts["switch"], counts["false"], quantity)
-        return words if each is None else f"{words}; TGOSPA per object and step {quantity(each)}"
+        if "per_object" not in self.normalised:
+            return words
+        return f"{words}; TGOSPA per object and step {self.each_in_words('per_object', 3)}"
 
     @property
     def parameters(self) -> Mapping[str, object]:
@@ -490,11 +507,11 @@ class Evaluation(ABC):
         Names are those of the JSON, with a dot between levels. There are always ``tgospa``,
         ``total``, ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
-        ``counts.switch`` and ``normalised.tgospa``. If the distance has such parts, there are
-        ``localisation_mean`` and ``localisation_spread``. With probabilities of existence there are
-        ``expected_localisation`` and ``existence_mismatch``. Requested metrics have names such as
-        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``. Defined
-        numbers of the summary have names such as ``summary.detection_rate``.
+        ``counts.switch``, ``normalised.tgospa`` and its bounds. If the distance has such parts,
+        there are ``localisation_mean`` and ``localisation_spread``. With probabilities of existence
+        there are ``expected_localisation`` and ``existence_mismatch``. Requested metrics have names
+        such as ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``.
+        Defined numbers of the summary have names such as ``summary.detection_rate``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -551,12 +568,8 @@ class Evaluation(ABC):
                 "similarity: the score needs steps that all count the same; leave the step "
                 "weights out"
             )
-        bounds, each, root = self.proof.bounds, self.evaluated_on.each, self.proof.outward_root
-        return calibration.similarity(
-            self.normalised["tgospa"],
-            (root(bounds.lower / each, -1), root(bounds.upper / each, 1)),
-            self.proof.parameters,
-        )
+        value, *ends = (self.normalised[k] for k in ("tgospa", "lower_bound", "upper_bound"))
+        return calibration.similarity(value, (ends[0], ends[1]), self.proof.parameters)
 
     def to_json(self) -> str:
         """Return the JSON document, with sorted keys and full precision, without NaN."""

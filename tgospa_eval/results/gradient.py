@@ -21,8 +21,9 @@ class Gradient:
     Parameters
     ----------
     total : (R, d) float array
-        Derivative of ``total`` by each state of the estimate, in cost per unit of the column. Rows
-        are in order of step and track. Clouds are moved as a whole.
+        Derivative of ``total`` by each state of the estimate as it is evaluated, which is after
+        scales, conversions and interpolation, in cost per unit of the column. Rows are in order of
+        step and track. Clouds are moved as a whole.
     particles : (P, d) float array, optional
         Derivative by each particle of clouds, state by state, in the order of the file. Weights are
         kept fixed.

@@ -354,6 +354,11 @@ class BatchTables:
     columns: tuple[str, ...] = ()
 
     @property
+    def expected(self) -> int:
+        """Number of jobs of the whole batch, also of those that are not done."""
+        return max(len(self.rows), int(self.settings.get("expected", 0)))
+
+    @property
     def order(self) -> float | None:
         """Order p, if it is the same for all jobs."""
         known = set(self.rows["order"].dropna()) if "order" in self.rows else ()
@@ -691,6 +696,7 @@ def batch_json(tables: BatchTables) -> str:
         {
             "schema": "tgospa-eval/batch/1",
             "by": list(tables.by),
+            "expected": tables.expected,
             "groups": _records(tables.groups),
             "ranking": [
                 {**row, **_of_jobs(ranking), "of_jobs": ranking.all_jobs}
@@ -742,8 +748,9 @@ def document(tables: BatchTables) -> table_text.Document:
     """Return the report of a batch: tables with a row for each group, and its rankings."""
     rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
+    done = f"{len(rows):,} of " if len(rows) < tables.expected else ""
     return table_text.Document(
-        title=f"{counted(len(rows), 'job')}, {failed} failed",
+        title=f"{done}{counted(tables.expected, 'job')}, {failed} failed",
         lines=[
             *filter(None, [table_text.parameters_of(_parameters(tables))]),
             *(line for ranking in tables.rankings for line in _orders(ranking)),
@@ -890,7 +897,11 @@ def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield the tables of other metrics and of covariances of the groups, if requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    other = list(result_text.other_records(rows))
+    means = [  # costs are means over the runs, as in compare
+        {name: own / row["jobs"] if "gospa." in str(name) else own for name, own in row.items()}
+        for row in rows
+    ]
+    other = list(result_text.other_records(means))
     yield from result_text.grouped_table(tuple(heads.values()), names, other, _rivals(tables, rows))
     nees = [NeesSums.of_row(row) for row in rows]
     items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
@@ -949,19 +960,18 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
             f"{of_expected(row['jobs'], row['expected'])} jobs: the other jobs have no value; "
-            "their costs are missing, so all values look better than they are"
+            "their costs are missing"
         )
         break
     opened = int(tables.groups["open"].sum())
     if opened:
-        yield (
-            f"{counted(opened, 'job')} did not reach the requested accuracy: values are between "
-            "the proven bounds"
-        )
+        yield f"{counted(opened, 'job')} did not reach the requested accuracy"
     yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
         yield "order and places are proven for these files, by the bounds"
-    if opened:
+    certified = tables.rows["certified"].dropna() if "certified" in tables.rows else ()
+    if not all(certified):
+        yield "values are between the proven bounds"
         yield table_text.SPLIT_NOTE
     for population in dict.fromkeys(
         item.population for item in tables.rankings if item.permutations
@@ -977,11 +987,23 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             names = listed(ranking.left_out, table_text.MAX_NAMED)
             yield f"{_where(ranking)}{names}: not ranked, no job has a value"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
+    yield from about_periods(tables)
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
         yield f"by {option('preprocess', name)} boxes {done}"
     yield from about_other_metrics(tables)
     yield from about_slices_of(tables)
+
+
+def about_periods(tables: BatchTables) -> Iterator[str]:
+    """Yield the periods of the reports of each group."""
+    if "parameters" in tables.rows:
+        keys = [*(f"label.{name}" for name in tables.by), *tables.parameters, "_all"]
+        rows = tables.rows.dropna(subset="parameters").assign(_all="")
+        yield from table_text.about_periods(
+            (" ".join(map(value_in_words, key)).strip(), list(map(json.loads, own.unique())))
+            for key, own in rows.groupby(keys, dropna=False)["parameters"]
+        )
 
 
 def about_other_metrics(tables: BatchTables) -> Iterator[str]:

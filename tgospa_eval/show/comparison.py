@@ -9,7 +9,7 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, sizes_in_words
-from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
+from tgospa_eval.results.consistency import ABOUT_THE_ORDER, NEES
 from tgospa_eval.results.evaluation import dotted
 from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, SPREAD, Columns, Json, json_text
 from tgospa_eval.results.summary import SUMMARY
@@ -47,9 +47,9 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings: if `of_order`, about covariances that decide the order, else all others."""
+    """Yield warnings: if `of_order`, those about the ranking, else all others."""
     for record in document["warnings"]:
-        if (record["code"] in ABOUT_COVARIANCES) is of_order:
+        if (record["code"] in ABOUT_THE_ORDER) is of_order:
             yield str(Notice(**record))
 
 
@@ -248,6 +248,9 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             ]
         )
     yield table_text.SPLIT_NOTE
+    yield from table_text.about_periods(
+        (item["name"], [run["parameters"] for run in item["runs"]]) for item in estimates
+    )
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence

@@ -129,7 +129,11 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "nees": "" if result.nees is None else result.nees.in_words,
         "score": "" if result.calibration is None else result_text.similarity_in_words(result),
         "parts": _parts(result),
-        "each": {name: result.quantity(value) for name, value in result.normalised.items()},
+        "each": {
+            name: result.each_in_words(name)
+            for name in ("tgospa", "per_object")
+            if name in result.normalised
+        },
         "classes": result_text.class_table(result),
         "other_metrics": result_text.other_table(result.with_),
         "similarity": list(result_text.similarity(result.with_)),
@@ -465,4 +469,5 @@ def _settings(tables: batch.BatchTables) -> dict[str, str]:
             settings[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
             settings[name] = "different between jobs"
+    settings |= dict(text.split(": ", 1) for text in batch.about_periods(tables))
     return {str(k): str(v) for k, v in tables.settings["options"].items()} | settings

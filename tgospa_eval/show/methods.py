@@ -3,6 +3,7 @@
 Keys of citations are those of the BibTeX in docs/reference/cite.md.
 """
 
+from collections.abc import Iterator
 from typing import cast
 
 from tgospa_eval.common.words import counted, number
@@ -25,12 +26,33 @@ GRIDS = {
     "common": "at which both sides have states",
 }
 
+CLAUSES = {
+    "interpolate": "the {} was interpolated linearly at the times of the other side",
+    "resample": "steps are multiples of {}, at which the ground truth was interpolated linearly",
+    "max_gap": "the longest gap between two states is {}",
+    "period": "each report of the estimate is valid for {} and was compared at its own time",
+    "outage": "the shortest outage of the estimate that counts is {}",
+    "time_tolerance": "times at most {} apart are one step",
+    "time_offset": "{} was added to the times of the estimate",
+    "time_scale": "the times of the estimate were multiplied by {}",
+    "unit_scale": "the states of the estimate were multiplied by {}",
+    "time": "only times in {} were read",
+    "class": "only rows of class {} were read",
+    "region": "only states in {} were read",
+    "where": "only rows with {} were read",
+}
+"""Sentences about options that change the number; other options are named with their value."""
+
+SAID = ("cutoff", "order", "switch_penalty", "distance", "columns", "grid", "steps", "by", *MEMBERS)
+"""Options in other parts of the paragraph."""
+
+ROLES = {"truth": "ground truth", "estimate": "estimate"}
+
 
 def methods(result: Evaluation) -> str:
     """Return the paragraph for a paper about this evaluation."""
-    left_out = [result.exclusions.capitalize()] if result.exclusions else []
-    parts = _metric(result), _data(result), *left_out, _value(result), _origin(result)
-    return visible(f"{'. '.join(parts)}.") + "\n"
+    parts = _metric(result), _data(result), *_options(result), _value(result), _origin(result)
+    return visible(f"{'. '.join(part[:1].upper() + part[1:] for part in parts)}.") + "\n"
 
 
 def _cited(*keys: str) -> str:
@@ -55,14 +77,55 @@ def _metric(result: Evaluation) -> str:
 def _data(result: Evaluation) -> str:
     evaluated_on, sizes, settings = result.judged, result.sizes, result.parameters
     chosen = "steps" in settings or "resample" in settings
-    grid = "of a chosen clock" if chosen else GRIDS[str(settings.get("grid", "union"))]
+    grid, moved = str(settings.get("grid", "union")), settings.get("interpolate")
+    if moved and grid == "union":  # the other side has the steps
+        grid = "truth" if moved == "estimate" else "estimate"
+    at = "of a chosen clock" if chosen else GRIDS[grid]
+    if (moved == "truth" or grid in ("estimate", "common")) and settings.get("outage") != "none":
+        at += " and of the ground truth in outages of the estimate" * (not chosen)
     states = counted(result.evaluated_on.truth_states, "state")
     ends = f", t = {evaluated_on['first']} to {evaluated_on['last']}" if sizes["steps"] else ""
     return (
-        f"It was evaluated over the {counted(sizes['steps'], 'step')} {grid}{ends}, with "
+        f"It was evaluated over the {counted(sizes['steps'], 'step')} {at}{ends}, with "
         f"{counted(sizes['truth'], 'object')} ({states}) "
         f"and {counted(sizes['estimates'], 'estimated trajectory', 'estimated trajectories')}"
     )
+
+
+def _options(result: Evaluation) -> Iterator[str]:
+    """Yield sentences on further options that change the number, and on rows left out."""
+    from tgospa_eval.results.saved import of_metric  # lazy: imports json, few need it
+
+    clauses = []
+    for name, value in of_metric(result.parameters).items():
+        if name in SAID or value in (None, False, 0, "error", []):
+            continue
+        shown = ROLES.get(_shown(value), _shown(value))
+        if name == "period" and isinstance([*result.labels.times, 0][0], str):
+            shown += " s"
+        if value != "none":
+            clauses.append(CLAUSES.get(name, f"{name.replace('_', ' ')} = {{}}").format(shown))
+        else:
+            clauses.append(f"{name}s of the estimate do not count")
+    if clauses:
+        yield "; ".join(clauses)
+    for side, role in ROLES.items():
+        if left_out := result.input[side]["left_out"]:
+            rows = ", ".join(f"{rows:,} ({rule})" for rule, rows in left_out.items())
+            yield f"rows of the {role} that were left out, with the reason: {rows}"
+    if result.exclusions:
+        yield result.exclusions
+
+
+def _shown(value: object) -> str:
+    """Return the value of an option as people write it."""
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value))
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_shown(item)}" for name, item in value.items())
+    if isinstance(value, float):
+        return getattr(value, "text", f"{value:g}")
+    return str(value)
 
 
 def _value(result: Evaluation) -> str:
@@ -70,7 +133,8 @@ def _value(result: Evaluation) -> str:
         f"{name} {number(getattr(result, name), 6)}"
         for name in ("localisation", "missed", "false", "switch")
     )
-    return f"{result.claim} ({result.proven}); its costs to the power p are {costs}"
+    whose = "its costs" if result.certified else "of the best assignment found, the costs"
+    return f"{result.claim} ({result.proven}); {whose} to the power p are {costs}"
 
 
 def _origin(result: Evaluation) -> str:

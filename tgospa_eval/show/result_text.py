@@ -461,8 +461,15 @@ def document(result: Evaluation) -> Document:
     """Return the report for Markdown and LaTeX: parts, summary, and all requested additions."""
     parts, repairs = part_table(result), explanation_of(result)
     last = len(parts.rows)
-    value = ("TGOSPA", number(result.tgospa), "", "")
-    tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
+    tgospa = number(result.tgospa)
+    if not result.certified:
+        tgospa = f"{number(result.lower_bound)} to {tgospa}"
+    rows = [
+        *parts.rows[:-1],
+        ("total", _total(result), *parts.rows[-1][2:]),
+        ("TGOSPA", tgospa, "", ""),
+    ]
+    tables = [replace(parts, rows=rows, ruled=(last - 1, last))]
     numbers = [
         (name.removeprefix("summary.").replace(".", " ").replace("_", " "), number(value, 4))
         for name, value in flat(result.summarised.numbers)
@@ -508,7 +515,7 @@ def class_table(result: Evaluation) -> Table | None:
         (name or "(blank)", *(number(value, 5) for value in values))
         for name, *values in zip(*columns.values(), strict=True)
     ]
-    head = ("class", "TGOSPA", "total", *PART_HEADS)
+    head = ("class", f"TGOSPA{'' if result.certified else ' <='}", "total", *PART_HEADS)
     return Table(head=head, rows=rows, widths=(15, *[10] * 6)) if columns else None
 
 
@@ -519,14 +526,17 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
     """Yield values "per step" and "per object and step": name, value, and divisor of the total."""
-    evaluated_on, normalised = result.evaluated_on, result.normalised
+    evaluated_on = result.evaluated_on
     if evaluated_on.steps:
         steps = counted(evaluated_on.steps, "step") + _of_truth(result)
-        yield "per step", result.quantity(normalised["tgospa"]), steps
-        if "per_object" in normalised:
+        yield "per step", result.each_in_words("tgospa"), steps
+        if "per_object" in result.normalised:
             states = counted(evaluated_on.truth_states, "state")
-            each = result.quantity(normalised["per_object"])
-            yield "per object and step", each, f"{states} of the truth"
+            yield (
+                "per object and step",
+                result.each_in_words("per_object"),
+                f"{states} of the truth",
+            )
 
 
 def _of_truth(result: Evaluation) -> str:
@@ -738,7 +748,9 @@ def repair_table(result: Evaluation, explanation: Explanation) -> Table:
         "repair": [repair.text for repair in repairs],
         "saves": [_saving(result, repair) for repair in repairs],
         "share": [result.share(max(repair.saving_lower, 0.0)) for repair in repairs],
-        "TGOSPA then": [number(repair.tgospa) for repair in repairs],
+        f"TGOSPA {'then' if result.certified else 'at most'}": [
+            number(repair.tgospa) for repair in repairs
+        ],
     }
     return table_of(columns, align="llrrr", wrapped=(1,))
 
@@ -761,6 +773,12 @@ def repair_notes(explanation: Explanation) -> Iterator[str]:
     yield NOT_ADDITIVE
 
 
+def _total(result: Evaluation) -> str:
+    """Format the total, or its bounds if it is not exact."""
+    total, (lower, _) = number(result.total), result.total_bounds
+    return total if result.certified else f"{number(lower)} to {total}"
+
+
 def explanation_document(explanation: Explanation) -> Document:
     """Return the report of `explain`: the largest costs, and the repairs."""
     result = explanation.result
@@ -771,7 +789,7 @@ def explanation_document(explanation: Explanation) -> Document:
         lines=[
             parameters_of(result.parameters),
             sizes_in_words(result.sizes),
-            f"total {number(result.total)}: {parts}",
+            f"total {_total(result)}{'' if result.certified else ', at the upper end'}: {parts}",
             *(
                 f"{words}: {', '.join(map(str, worst[kind]))}"
                 for kind, words in WORST.items()

@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeVar
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, places
-from tgospa_eval.common.words import PLAIN_DECIMAL, counted, sizes_in_words
-from tgospa_eval.quoting import clipped, ending, visible
+from tgospa_eval.common.words import PLAIN_DECIMAL, counted, number, sizes_in_words
+from tgospa_eval.quoting import clipped, ending, listed, visible
 from tgospa_eval.results.records import Columns, Json, members_in_words
 
 T = TypeVar("T")
@@ -648,6 +648,17 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
     return end.join(
         filter(None, [f"{known}{members_in_words(parameters)}", parameters.get("distance", "")])
     )
+
+
+def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[str]:
+    """Yield the periods of reports on a common clock, from names and the settings of their runs."""
+    texts = []
+    for name, runs in settings:
+        own = [run["period"] for run in runs if isinstance(run.get("period"), int | float)]
+        ends = dict.fromkeys(number(end(own)) for end in (min, max) if own)
+        texts += [f"{name} {' to '.join(ends)}"] * bool(ends)
+    if texts:
+        yield f"period of the reports on the common clock: {listed(texts, MAX_NAMED)}"
 
 
 # -------------------------------------------------------------------------------------------------

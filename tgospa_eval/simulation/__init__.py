@@ -1,4 +1,4 @@
-"""Synthetic scenes: a ground truth by name, and the tracks of a tracker with known errors."""
+"""Synthetic scenes: the ground truth of a named scenario, and tracks with known errors."""
 
 import math
 from dataclasses import replace
@@ -103,7 +103,7 @@ class Tracker:
     fragmentation : float
         Probability at each step that a track is lost.
     lost : int
-        Number of steps until a lost track continues, under a new number.
+        Number of steps until a lost track continues, under a new id.
     latency : int
         Number of steps by which every report is late.
     false_rate : float
@@ -150,9 +150,9 @@ def simulate(
 ) -> tuple[Trajectories, Trajectories]:
     """Return the ground truth of a scene, and the tracks that the tracker reports.
 
-    Times and ids of true objects count from 1. The track that begins on object i has the number
+    Times and ids of true objects count from 1. The track that begins on object i has the id
     100 + i, or 1000 + i if there are 100 targets or more, and so on. Later tracks have the next
-    numbers. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise
+    ids. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise
     if that is smaller. So machines whose sines differ in the last digit make the same files.
 
     Every error has its own stream of random numbers, so a change of one error does not change the
@@ -170,7 +170,7 @@ def simulate(
     Returns
     -------
     truth, estimate : Trajectories
-        Both sides on the same times.
+        Truth and tracks, at the same times.
     """
     streams = rng.spawn(9)
     truth = SCENARIOS[scene.scenario](scene.targets, scene.steps, scene.area, streams[0])
@@ -225,7 +225,10 @@ def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Float
 def _trajectories(
     states: Floats, scene: Scene, tracker: Tracker, decimals: int, before: int
 ) -> Trajectories:
-    """Return rounded trajectories with ids; boxes get corner and size from centre and size."""
+    """Return rounded trajectories, with ids from `before` + 1 on.
+
+    For boxes, the centre is replaced by the left upper corner.
+    """
     columns = COLUMNS[scene.state]
     covariance = None
     if states.shape[2] == len(columns) + 3:
@@ -246,7 +249,7 @@ def _trajectories(
 
 
 def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
-    """Check that these fields are real numbers within their limits."""
+    """Check that the fields in `ranges` are real numbers within their limits."""
     for name, (minimum, maximum) in ranges.items():
         value = real_number(option(name), getattr(record, name))
         if not minimum <= value <= maximum:

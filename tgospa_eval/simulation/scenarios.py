@@ -35,7 +35,7 @@ def encounters(truth: Floats, near: float) -> Ints:
     pairs = [np.zeros((0, 2), np.int64)]
     for position in truth[..., :2]:
         present = np.flatnonzero(~np.isnan(position[:, 0]))
-        # This tree is built in half the time of a balanced tree, and searched as fast.
+        # An unbalanced tree is built in half the time of a balanced one, and searched as fast.
         tree = cKDTree(position[present], balanced_tree=False, compact_nodes=False)
         pairs.append(present[tree.query_pairs(near, output_type="ndarray")])
     first, second = np.sort(np.concatenate(pairs), axis=1).T

@@ -22,7 +22,7 @@ DECIMALS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class StudySetting:
-    """Simulated data of a source, and the parameters of its evaluation.
+    """Settings of the simulation in a publication, and the parameters of its evaluation.
 
     Parameters
     ----------
@@ -173,10 +173,10 @@ def _named(states: Floats, first: int) -> Trajectories:
 
 
 # -------------------------------------------------------------------------------------------------
-# ``simulate`` of Python makes the same scene as the command with the same settings.
+# The function `simulate` makes the same scene as ``tgospa-eval simulate`` with the same settings.
 
 DEFAULT_ERRORS = {"detection": 0.95, "swaps": 0.25, "fragmentation": 0.01, "false_rate": 0.02}
-"""Default errors of a tracker; the defaults of noise and near depend on the area."""
+"""Default errors of a tracker; the defaults of `noise` and `near` depend on the area."""
 
 
 def default_tracker(area: float, errors: dict[str, Any]) -> Tracker:

@@ -100,7 +100,10 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Return Gaussians (T, n, 5) from positions (T, n, 2), with means drawn by the covariances."""
+    """Add errors of a radar to positions (T, n, 2), and return Gaussians (T, n, 5).
+
+    The errors of the means are drawn from the covariances.
+    """
     packed = covariance_of_a_radar(states, deviation, area)
     xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
@@ -141,8 +144,8 @@ def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Gene
 def fragment(states: Floats, probability: float, gap: int, rng: np.random.Generator) -> Floats:
     """Lose the track at each reported step, with this probability.
 
-    The track is silent from that step for `gap` steps. It continues under a new number in a new
-    column at the end. The first step of a track is never lost.
+    The track is silent from that step for `gap` steps. It continues as a new track, in a new column
+    at the end. The first step of a track is never lost.
     """
     states = states.copy()
     present = ~np.isnan(states[..., 0])
@@ -161,7 +164,7 @@ def fragment(states: Floats, probability: float, gap: int, rng: np.random.Genera
             rest = np.full_like(track, np.nan)
             rest[free:] = track[free:]
             track[step:] = np.nan
-            # The first report of the new number cannot be lost either.
+            # The first report of the new track cannot be lost either.
             free += int(np.flatnonzero(~np.isnan(rest[free:, 0]))[0]) + 1
             fresh.append(rest)
             track = rest

@@ -1,4 +1,12 @@
-"""Solvers, which turn a problem into a `Solution`: each needs a file and a line in `SOLVERS`."""
+"""Solvers, which turn a problem into a `Solution`: each needs a file and a line in `SOLVERS`.
+
+All files here use the letters of docs/theory/notation.md, the words of `problem.states` (state,
+run, slot, block), and those of docs/theory/solvers.md (sweep, stage, temperature, working set,
+slack of a state, programme, reach). A *node* is a row or a column. A slot is *full* if the weights
+of its states sum to 1; what is missing is its *room*. A block is *open* while it is not solved.
+Shapes are (S,) for states, (K,) for column slots, (B,) for blocks, (N,) for near pairs (entries)
+and (T,) for steps.
+"""
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -14,7 +22,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Solver(Protocol):
-    """Frozen record of settings that can be called to solve a problem."""
+    """Settings of a solver, in an object that cannot be changed; call it to solve a problem."""
 
     @property
     def name(self) -> str:
@@ -22,12 +30,12 @@ class Solver(Protocol):
 
     @property
     def proves(self) -> bool:
-        """True if it continues until the proven gap is at most `gap`, and uses warm starts."""
+        """True if it continues until its proven gap is at most `gap`, and uses warm starts."""
         return False
 
     @property
     def referee(self) -> bool:
-        """True if it checks other solvers: it is slow, and does not use their kernels."""
+        """True if its use is to check other solvers: it is slow, and does not use their kernels."""
         return False
 
     @property
@@ -61,7 +69,7 @@ SOLVERS = {
     "exact": "tgospa_eval.solvers.exact:Exact",
     "sinkhorn": "tgospa_eval.solvers.sinkhorn:Sinkhorn",
 }
-"""Module and class of each solver, which is imported when it is used."""
+"""Module and class of each solver. A module is imported when its solver is used."""
 
 
 def solver_class(name: str) -> type[Solver]:
@@ -82,7 +90,7 @@ def solver_class(name: str) -> type[Solver]:
 
 
 def as_solver(solver: str | Solver) -> Solver:
-    """Return the record of settings, or the default record of a named solver."""
+    """Return the solver itself, or the one with this name, with default settings."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not isinstance(solver, Solver):

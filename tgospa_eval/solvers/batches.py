@@ -1,4 +1,4 @@
-"""Blocks in batches, and batches in threads; the result does not depend on the threads.
+"""Solution of blocks in batches, which run in threads; the result does not depend on the threads.
 
 Windows in time divide a long component into pieces that overlap, and their answers are joined.
 
@@ -7,8 +7,8 @@ Windows in time divide a long component into pieces that overlap, and their answ
               |---------------|
 
 The weights and prices of the core of each window are kept. The joined answer bounds the optimum,
-as do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). The bracket at the
-seams is measured afterwards, on the whole component.
+as do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). Where cores meet is
+a *seam*. How much the seams widen the bracket is seen afterwards, on the whole component.
 """
 
 import itertools
@@ -40,28 +40,28 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""Excess of a sum of weights above 1 beyond which the weights are scaled."""
+"""A slot is too full if its weights sum to more than 1 plus this; its weights are then lowered."""
 
 SOME_ROOM = 1e-9
-"""Smallest room in a slot that counts."""
+"""Smallest room in a slot that is worth filling."""
 
 BEFORE_SEAMS = 0.9
-"""Share of the work and of the time for a block that its windows get."""
+"""Share of the time for a block that its windows get; also their share in displayed progress."""
 
 UNKNOWN = -1.0
-"""Weight of a state for which no window has an answer."""
+"""Number in place of the weight of a state for which no window has an answer."""
 
 
 TimeWindow = tuple[int, int, int, int]
-"""First step and end (the step after the last) of the core, which is kept, and of the whole window,
-which is solved."""
+"""First step of the core, and the step after its last; the same for the whole window. The window is
+solved, and the answer for its core is kept."""
 
 
 def divisible_blocks(states: States) -> Ints:
     """Return the blocks to solve in windows: very large and long blocks with competing rows.
 
-    Problems are solved whole if switch prices vary, because a run is then several states; if switch
-    prices are large, because windows are then too short; and if gains may be negative.
+    No block is divided in these cases: switch prices vary (a run is then several states), a switch
+    is free, switch prices are large (windows are then too short), or gains may be negative.
     """
     problem = states.problem
     price = problem.switch_price
@@ -78,7 +78,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """One block in windows, and the answers of the windows so far, maybe from several threads.
+    """Windows of a block, and their answers so far; the answers may come from several threads.
 
     Parameters
     ----------
@@ -169,7 +169,10 @@ class Division:
         self.done += 1
 
     def _homes(self, first: int, piece: States) -> Ints:
-        """Return the place in the block of each state of a window; of cut runs, the whole run."""
+        """Return the position in the block of each state of a window.
+
+        If the window cuts a run, its state is at the position of the whole run.
+        """
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
         run = piece.entry < 0
@@ -208,9 +211,9 @@ class Division:
 
 
 class TimeShares:
-    """Equal shares of the time for windows; later windows may use the time that others leave.
+    """Equal shares of the time for windows; later windows may use the time that earlier ones leave.
 
-    So if the time limit is too short, all windows are partly solved, instead of some unsolved.
+    If the time limit is too short, all windows are solved in part, and no window is left out.
 
     Parameters
     ----------
@@ -247,7 +250,7 @@ def _too_full(slots: Slots, weights: Floats) -> Mask:
 
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
-    """Lower the weights of the runs in slots that are too full, in place; prefer short runs."""
+    """Lower the weights of `runs` in place so that they fit into their slots; short runs first."""
     wanted = weights[runs]
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
@@ -295,7 +298,7 @@ class BlockBatch:
     limit : Limit
         Time limit and request to stop.
     progress : BatchProgress
-        Receiver of the bounds on the way.
+        Receives the bounds during the work.
     warm_start : WarmStart, optional
         Proposals that may already solve some blocks.
     """
@@ -317,13 +320,13 @@ class Answer:
     Parameters
     ----------
     iterations : int
-        Number of sweeps and of iterations of programmes.
+        Number of sweeps, plus the number of iterations of programmes.
     status, detail : Status, str
         Reason for which the work stopped, and its details, for the user.
     open : int array
         Blocks that were not solved.
     work, sweeping : int, float
-        States times half sweeps, and their time in seconds.
+        Number of states of a half sweep, summed over all half sweeps; and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     history : tuple of dict
@@ -350,7 +353,7 @@ Trivial = Callable[[States, Floats, Floats], Ints]
 
 @dataclass(frozen=True)
 class Routine:
-    """Work on each batch.
+    """Functions with which a solver solves each batch, and their settings.
 
     Parameters
     ----------
@@ -379,7 +382,7 @@ class BatchSolver(Solver):
     @property
     @abstractmethod
     def routine(self) -> Routine:
-        """Work on each batch."""
+        """Functions that solve each batch, and their settings."""
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: WarmStart | None = None
@@ -498,7 +501,7 @@ def _solve_some(
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # If batches stopped for different reasons, report why one was not solved.
+    # If batches stopped for different reasons, report that of a batch that was not solved.
     ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
     worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
@@ -552,7 +555,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
     tentative = bool(quickly.any())
-    if tentative:  # gains near 1 lose the digits that decide
+    if tentative:  # trivial answers do not count: gains near 1 lose the digits that decide
         batch.weights[states.states_of(quickly)] = 0.0
         batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
@@ -564,14 +567,14 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
         answer = replace(answer, open=np.flatnonzero(open_))
     begin = time.perf_counter()
     settle(states, batch.wanted, batch.weights)
-    spent = answer.seconds  # seconds of this answer only
+    spent = answer.seconds
     for name, seconds in (("rounding", time.perf_counter() - begin), ("preparation", preparation)):
         spent[name] = spent.get(name, 0.0) + seconds
     return answer
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
-    """Divide the elapsed time by kind of work; count the work."""
+    """Divide the elapsed time among the kinds of work, and add up the work."""
     seconds: dict[str, float] = {}
     for answer in answers:
         for name, spent in answer.seconds.items():

@@ -53,9 +53,11 @@ def unassigned_costs(states: States) -> Floats:
 
 
 def block_costs(states: States, weights: Floats) -> Floats:
-    """Return ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` by block.
+    """Return the cost of a proposed assignment in each block, (B,).
 
-    The proposed assignment is made feasible first. Objects without a pair are left out.
+    It is ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|``, where W' are the
+    weights at the next step. The assignment is made feasible first. Objects and tracks without a
+    near pair are left out.
     """
     return feasible_costs(states, repair(states, weights))
 
@@ -83,18 +85,20 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# The bounds that are displayed during the work: those of each batch, and cheap ones of the rest.
+# The bounds that are displayed during the work. Batches that have not begun have cheap bounds.
 #
 # They are not part of the result, whose bounds come from `problem.certificate.certify`.
 
 BlockBrackets = tuple[Mask, Floats, Floats, Floats]
-"""Mask of some blocks; of all blocks, width between bounds, cost, and cost if unassigned."""
+"""Mask of the blocks with bounds; then, for all blocks, the width between the bounds, the cost, and
+the cost with nothing assigned."""
 
 FINEST = 1e-12
 """Smallest relative gap in the display of progress."""
 
 SUM_MARGIN = 1e-12
-"""Share of the cost of leaving all unassigned that is more than rounding of sums in solvers."""
+"""Share of the cost of leaving all unassigned by which displayed bounds are widened. It is more
+than the rounding of sums in solvers."""
 
 
 class BracketProgress:
@@ -223,7 +227,10 @@ def _gains(states: States, weights: Floats) -> Floats:
 
 
 def share_of_digits(width: float, cost: float, gap: float) -> float:
-    """Return how far a width has come from the cost to the gap, 0 to 1, on a logarithmic scale."""
+    """Return the progress of a width between bounds, from 0 to 1, on a logarithmic scale.
+
+    It is 0 if the width is as large as the cost, and 1 if it is at most `gap` times the cost.
+    """
     if width <= gap * cost:
         return 1.0
     if not 0.0 < width < cost or gap >= 1.0:

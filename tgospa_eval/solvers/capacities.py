@@ -1,4 +1,4 @@
-"""Capacities as constraints of a linear programme on the states that it decides."""
+"""Capacities of slots, as constraints of a linear programme on the states that it decides."""
 
 import numpy as np
 
@@ -13,12 +13,12 @@ SAME_ROOM = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CapacityRows:
-    """Capacity constraints on some states: sum of the states of each constraint <= room.
+    """Capacity constraints on some states: the weights in each constraint sum to at most its room.
 
     Parameters
     ----------
     constraint, state : (nnz,) int arrays
-        Constraint, and position among the chosen states, of every entry of the matrix.
+        Constraint of every entry of the matrix, and its position among the chosen states.
     room : (L,) float array
         Room that the fixed states leave in each constraint.
     price : (L,) float array

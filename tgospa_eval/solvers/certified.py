@@ -58,7 +58,7 @@ class Certified(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Work that solves every block exactly, or as far as the time limit allows.
+        """Functions that solve every block exactly, or as far as the time limit allows.
 
         Solutions of similar problems may solve some blocks at once, with kernels only.
         """
@@ -75,7 +75,7 @@ class Certified(BatchSolver):
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
-        if near and batch.warm_start is not None:  # better than prices 0
+        if near and batch.warm_start is not None:  # these prices are better than 0
             np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
@@ -93,7 +93,7 @@ class Certified(BatchSolver):
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
-        if near and len(batch.weights) >= TIME_WINDOWS.min_states:  # before sweeps of all states
+        if near and len(batch.weights) >= TIME_WINDOWS.min_states:  # sweeps of all states take long
             programmes.run(PROGRAMMES.early, max_states=PROGRAMMES.early_states)
         iterations = _sweep(ascent, programmes, batch, near=near, unit=unit)
         if near:
@@ -118,7 +118,7 @@ class Certified(BatchSolver):
 
 
 def _try_steps(ascent: Ascent) -> float:
-    """Solve each step separately if switches cost nearly nothing; return the scale of the rest."""
+    """Solve each step separately if switches cost nearly nothing; return a unit for `_sweep`."""
     price = float(ascent.switch_price.max())
     if not ascent.open.any() or price >= ASCENT.stages[-1][0]:
         return 1.0
@@ -133,8 +133,9 @@ def _sweep(
 ) -> int:
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
-    The stages begin from the prices if these are good. They are good if they are `near` the best
-    prices, or if the `unit` is below 1: the errors of the prices are then about one unit.
+    The `unit` of temperatures and reaches is a fraction of c^p. In two cases the stages begin from
+    the current prices, not from 0: these are `near` the best prices, or the `unit` is below 1,
+    which means that their errors are about one unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices

@@ -2,8 +2,10 @@
 
     Z(v) - P(W) = sum_i (best_i - own_i) + sum v (1 - load)
 
-is the width between the bounds (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). These
-bounds steer the solvers; `problem.certificate` computes the reported bounds again.
+is the width between the bounds (docs/theory/certificate.md). best_i is the value of the best path
+of row i at the prices v, and own_i the value of its assignment W. The load of a column slot is the
+sum of its weights. These bounds steer the solvers; `problem.certificate` computes the reported
+bounds again. Words and shapes: `tgospa_eval.solvers`.
 """
 
 import time
@@ -22,8 +24,9 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""Limits of the links of a chain: per state, and in all (the larger limit counts). Beyond the limit
-the threshold is halved, unless it is below MIN_THRESHOLD."""
+"""A chain (`kernels.Chain`) may have LINKS_EACH links per state, or FEWEST_LINKS in all if that is
+more. If it would be longer, the threshold of the working set is halved, until it is below
+MIN_THRESHOLD."""
 
 SWEPT_AT_ONCE = 100_000
 """Links times sweeps between two looks at the clock: about a millisecond."""
@@ -56,17 +59,22 @@ class Ascent:
     soft : (K,) float array
         Prices of the sweeps.
     masses : (S,) float array
-        Share of the paths of its row through each state at the end of the last stage.
+        For each state, the share of the paths of its row that go through it, at the end of the last
+        stage.
     dual, primal : (B,), (B,) float arrays
         Upper bound of the gain of each block by the prices, and gain of its assignment.
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Bits of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Bits of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED, which
+        kernels/ascent.pxi explains.
     work, sweeping : int, float
-        Sum of the states (including "none") of all half sweeps, and their time in seconds.
+        Number of states (with "none") of a half sweep, summed over all half sweeps; and the seconds
+        of sweeps.
     seconds : dict
         Seconds by kind of work.
+    open : (B,) bool array
+        Blocks that still take part.
     """
 
     def __init__(
@@ -79,7 +87,7 @@ class Ascent:
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
-        price = states.problem.weight(slice(None))  # one for all entries, or one for each
+        price = states.problem.weight(slice(None))  # one number for all entries, or one for each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         self.layout = kernels.Layout(states, self.switch_price, *both)
         self.work, self.sweeping = 0, 0.0
@@ -138,7 +146,7 @@ class Ascent:
 
     @property
     def undecidedness(self) -> float:
-        """Mean of 1 - m over the masses m of the last stage, weighted by m."""
+        """Mean of 1 - m, weighted by m, where m are the `masses` of the last stage."""
         total = float(self.masses.sum(dtype=np.float64))
         return 1.0 - float(np.square(self.masses).sum(dtype=np.float64)) / max(total, 1.0)
 
@@ -157,8 +165,8 @@ class Ascent:
     def mark(self, prices: Floats, reach: float) -> None:
         """Set the `flags` of every state at the prices, and the value of each row's best weights.
 
-        NEAR are states with slack up to `reach`: the value that the best path of the row loses if
-        it must pass the state.
+        NEAR states have a slack of at most `reach`. The slack of a state is what the best path of
+        its row loses if it must pass the state.
         """
         self.brackets.mark(prices, reach)
 
@@ -167,11 +175,11 @@ class Ascent:
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
-        """Keep the prices in the open blocks for which they prove more than those before."""
+        """Keep the prices in those open blocks in which they prove more than the prices so far."""
         self.brackets.try_prices(prices)
 
     def try_weights(self, weights: Floats) -> None:
-        """Keep the feasible assignment in the open blocks for which it gains more than before."""
+        """Keep the feasible weights in those open blocks in which they gain more than before."""
         self.brackets.try_weights(weights)
 
     def try_steps(self) -> None:
@@ -191,8 +199,8 @@ class Ascent:
     ) -> tuple[int, float]:
         """Sweep at a temperature, then update both bounds; return sweeps and last violation.
 
-        The working set has the states with slack up to `threshold` and the states in use. Sweeps
-        end early if the largest violation of a column is less than `calm`.
+        The working set has the states with slack up to `threshold`, and the states with a weight.
+        Sweeps end early if the largest violation of a column is less than `calm`.
         """
         begin = time.perf_counter()
         chain = self._chain(threshold)
@@ -227,9 +235,9 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Try prices only in slots for which states compete, if rounding is most of a gap.
+        """If rounding is most of a gap, try the price 0 in slots for which no states compete.
 
-        In other slots a price proves no more than the price 0, but sums lose digits.
+        There a larger price proves no more, but sums of prices lose digits.
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
@@ -255,7 +263,7 @@ class Ascent:
     def near(self, also: Mask) -> Mask:
         """Return the states that a programme may have to decide, after `mark`, (S,).
 
-        These are the states within its reach, the states in use and those in `also`, except decided
+        These are the NEAR states, the states with a weight and those in `also`, except decided
         states. A state is decided if it has weight 1, is NEEDED, and no other near state of its row
         is at its steps.
         """
@@ -280,7 +288,7 @@ class Ascent:
     def losses(self, prices: Floats) -> Floats:
         """Return the gap of the best weights by step, in the open blocks, (T,).
 
-        The regret of a row is booked at the steps from which on it cannot be avoided.
+        Each part of the regret of a row counts at the step from which on it cannot be avoided.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
@@ -294,7 +302,8 @@ class Ascent:
         """Return the states of undecided components, and the component of each.
 
         Shared slots and transitions join the near states to components. A component is undecided if
-        it has a seed: a state at which a term of the identity of the gap is not 0.
+        it has a seed: a state at which a term of the width (see the docstring of this module) is
+        not 0.
         """
         free = np.flatnonzero(near)
         component = self._components(free)
@@ -323,7 +332,7 @@ class Ascent:
         return seed
 
     def _components(self, free: Ints) -> Ints:
-        """Return a number for each free state, which connected states share."""
+        """Return the number of the component of each free state."""
         s = self.states
         pair = s.pairs_of(free)
         size = len(free)

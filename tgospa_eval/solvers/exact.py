@@ -24,10 +24,10 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
-"""Seconds for importing cvxpy; seconds per state for compiling a programme; and seconds per state
-for a first factorisation by Clarabel, times this power of the mean number of states that begin at a
-step. This work cannot be stopped. Measured on crowds of 2,000 to 40,000 states, within a factor of
-three."""
+"""Estimated seconds of work that cannot be stopped. IMPORT is for importing cvxpy, and BUILD, per
+state, for compiling a programme. A first factorisation by Clarabel takes FACTOR per state, times
+the mean number of states that begin at a step to the power WIDTH_POWER. Measured on crowds of 2,000
+to 40,000 states, and true within a factor of three."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
@@ -37,7 +37,8 @@ CVXPY_ENDS = {
 """Status by the name of the outcome in CVXPY."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Problem, weights and column constraints of CVXPY, which is untyped; and their `CapacityRows`."""
+"""Problem, weights and column constraints as objects of CVXPY, which is untyped; and the
+`CapacityRows` of the columns."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -72,7 +73,7 @@ class Exact(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Work that solves each block that is not trivial separately, without a warm start."""
+        """Functions that solve each block that is not trivial separately, without a warm start."""
         return Routine(solve_rows, _solve_blocks, self.jobs)
 
 
@@ -96,7 +97,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
             late = status == batch.limit.status
             batch.weights[state], batch.prices[slot] = _read(programme, part, given, late=late)
     settle(states, batch.wanted, batch.weights)
-    # An interior point leaves small weights everywhere, at full price.
+    # An interior point leaves small weights everywhere, so that paths may cost less.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
     batch.weights[:] = better(states, batch.weights, round_paths(states, value, batch.weights))
     status, detail = failures[0] if failures else (Status.SOLVED, "")
@@ -138,7 +139,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block by Clarabel, or those `given` if it has no answer."""
+    """Return weights and prices of a block from Clarabel, or the `given` ones without an answer."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:
@@ -168,8 +169,12 @@ def _short(batch: BlockBatch, seconds: float) -> bool:
 
 
 def _build(states: States) -> Programme:
-    """Build, for one block: maximise gain w - price |D w| over w >= 0, every slot at most full."""
-    import clarabel  # noqa: F401  or cvxpy takes one that finds no memory for one that is missing
+    """Build the programme of one block: maximise ``gain w - price |D w|`` over weights w >= 0.
+
+    D w are the changes of the weight from each state of a pair to the next. The weights in every
+    slot sum to at most 1.
+    """
+    import clarabel  # noqa: F401  fails here if memory is short; cvxpy would call it missing
     import cvxpy as cp  # lazy: importing it takes longer than most evaluations
 
     gain, pair = states.gain, states.pair
@@ -196,12 +201,12 @@ def _build(states: States) -> Programme:
         )
         constraints.append(matrix @ weights <= 1 if count else None)
     problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])
-    problem.get_problem_data(cp.CLARABEL)  # compiling it here leaves only Clarabel's time
+    problem.get_problem_data(cp.CLARABEL)  # compile now: `_solve` then only runs Clarabel
     return problem, weights, constraints[-1], priced
 
 
 def _solve(programme: Programme, seconds: float | None) -> tuple[Status, str, int]:
-    """Run Clarabel; return status, detail and iterations."""
+    """Run Clarabel; return its status, details for the user, and the number of iterations."""
     import cvxpy as cp
 
     settings: dict[str, float] = dict(CLARABEL_SETTINGS)

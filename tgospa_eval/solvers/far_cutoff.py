@@ -1,9 +1,10 @@
 """Blocks with a cutoff far above the errors are solved at a smaller cutoff.
 
-Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below them.
-At a fitting cutoff the problem is an ordinary one, with far fewer near pairs. The bound that the
-prices at this cutoff prove for the whole is in `problem.certificate`. The certificate does not
-trust this module: it evaluates the prices at their own cutoff, and the assignment at the requested
+Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below c^p.
+At a smaller cutoff that fits the costs, the problem is an ordinary one with far fewer near pairs.
+Its *scale* is the p-th power of this cutoff, as a fraction of c^p. `problem.certificate` has the
+bound that prices at the smaller cutoff prove for the whole problem. The certificate does not trust
+this module: it evaluates the prices at their own cutoff, and the assignment at the requested
 cutoff.
 """
 
@@ -22,21 +23,22 @@ from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
 FAR_CUTOFF = 2.0**-8
-"""Fraction of c^p up to which a smaller cutoff is chosen before anything else is tried."""
+"""Largest scale at which a smaller cutoff is chosen before a block is solved at its own cutoff."""
 
 NEAR_CUTOFF = 2.0**-2
-"""Fraction of c^p above which the cutoff itself is used."""
+"""Scale above which a block is solved at its own cutoff."""
 
 DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
-"""Fraction of c^p below which the digits of a solver do not show whether a block is solved, so that
-the certificate decides. It rounds outward by less than PROOF_ROUNDING, relative."""
+"""Below the scale DOUBTFUL the digits of a solver do not show whether a block is solved, so that
+the certificate decides. It rounds outward by a relative error of less than PROOF_ROUNDING."""
 
 CUTOFF_ROOM = 16.0
-"""Ratio of a fitting cutoff price to the largest cost that cannot be avoided."""
+"""Ratio of the p-th power of a fitting cutoff to the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""Factors by which a too small cutoff price grows. LEAP is for inner problems of a later attempt:
-it leads directly to their own cutoff, because smaller cutoffs were already tried."""
+"""Factors by which a scale grows if it is too small. The problem at a smaller cutoff is solved by
+`solve_at_fitting_cutoffs` again. From the second attempt on, LEAP leads from a too small cutoff
+directly to the cutoff of this problem, because the cutoffs below it were tried before."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]
@@ -60,7 +62,7 @@ def solve_at_fitting_cutoffs(
     limit : Limit
         Time limit and request to stop.
     step : float
-        Factor by which a too small cutoff price grows.
+        Factor by which a scale grows if it is too small.
     """
     scale = fitting_scales(states)
     far = scale < 1
@@ -83,10 +85,11 @@ def solve_at_fitting_cutoffs(
 
 
 def fitting_scales(states: States) -> Floats:
-    """Return a cutoff price for each block, as a fraction of c^p, a power of 2; 1 by default.
+    """Return the scale of a fitting cutoff for each block: a power of 2, and 1 by default.
 
-    It is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit").
-    At this price an object may be left unassigned, but at a cost that is not negligible.
+    It is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit"):
+    D is the cost of a pair, and the maximum is over all true objects and tracks at all steps. At
+    this cutoff an object may be left unassigned, but at a cost that is not negligible.
     """
     problem = states.problem
     blocks = len(states.block_begin)
@@ -113,11 +116,11 @@ def fitting_scales(states: States) -> Floats:
 
 
 def _largest_cheapest_costs(states: States) -> Floats:
-    """Return the largest of the cheapest pair costs of true objects at steps, by block, (B,)."""
+    """Return, for each block, the largest cost of a true object's cheapest pair at a step, (B,)."""
     problem, blocks_of = states.problem, states.track_blocks[0]
     row, track = problem.truth_row, problem.truth_track
     largest = np.zeros(len(states.block_begin))
-    first = np.concatenate(([0], places_of(row[1:] != row[:-1]) + 1))  # entries are in order
+    first = np.concatenate(([0], places_of(row[1:] != row[:-1]) + 1))  # sorted by row
     np.maximum.at(largest, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
     return largest
 
@@ -133,7 +136,10 @@ def _scales_of_costs(states: States, weights: Floats) -> Floats:
 
 
 def _powers(costs: Floats, largest: float) -> Floats:
-    """Return the power of 2 above CUTOFF_ROOM times each cost; 1 if it is above `largest` or 0."""
+    """Return the power of 2 above CUTOFF_ROOM times each cost.
+
+    The result is 1 if the power is above `largest`, or if the cost is 0.
+    """
     scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(costs, 1.0))[1])
     return np.where((costs > 0) & (scale <= largest), scale, 1.0)
 
@@ -236,7 +242,10 @@ class _Ladder:
         self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 
     def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
-        """Use a part, or the prices at the cutoff itself, as the proof of these blocks."""
+        """Use `part`, or without it the prices at the cutoff itself, as the proof of some blocks.
+
+        `wins` (B,) marks these blocks, and `lower` (B,) are their lower bounds.
+        """
         self.lower = np.where(wins, lower, self.lower)
         self.parts = [replace(other, blocks=other.blocks & ~wins) for other in self.parts]
         if part is not None:

@@ -2,12 +2,15 @@
 
     maximise c w - paid r,  A w - r <= b,  w, r >= 0;    slacks s, and duals y >= 0 of A w - r <= b
 
+The variables w are weights, and some constraints have a *rise* r. Below, *numbers* are w, r and s.
+Each number has a dual: the reduced cost of w or of r, or the dual y of the constraint of s.
+
 A basis of such an optimum is degenerate thousands of times. The simplex method needs an iteration
 for each of these, and an interior point method about twenty factorisations in all. The best duals
 are far from unique. Those nearest to the known duals are best for the states that the programme
-leaves out. So duals are drawn to the known duals, which perturbs b by a thousandth of the distance.
-Near the end duals are drawn to their own place (the proximal point method), which does not move or
-perturb anything.
+leaves out. So y is drawn to the known duals, which perturbs b by a thousandth of the distance. Near
+the end y is drawn to its own value of the iteration before (the proximal point method), which does
+not perturb the solution.
 
 Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
@@ -27,32 +30,35 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 
 START, MIN_START = 10.0, 1e-4
-"""Factor and minimum for the product of a number and its dual at the start. The factor is for the
-mean product of the given point: 1e-4 in a first round and 1e-6 in a last. With the minimum 1e-5 a
-round takes up to a third more iterations."""
+"""At the start, the product of each number and its dual is START times the mean product at the
+given point, and at least MIN_START. The mean product at the given point is 1e-4 in a first round
+and 1e-6 in a last one. With 1e-5 as MIN_START a round takes up to a third more iterations."""
 
 ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
-"""Mean products in c^p at which earlier rounds (ENOUGH) and the last round (END) end, and the
-allowed error of the equations of the weights then, which one or two more iterations divide by 100.
-Up to ENOUGH duals are drawn away. With ENOUGH 1e-7 less is proven, and the last round is longer."""
+"""A round ends if the mean product of numbers and duals, in c^p, is at most ENOUGH. The last round
+ends at END, if the constraints also have errors of at most LACK; one or two more iterations would
+divide these errors by 100. Until the mean product is ENOUGH, y is drawn to the known duals. With
+1e-7 as ENOUGH less is proven, and the last round is longer."""
 
 PULL = 1e-3
-"""Stiffness of the pull on duals. With 1e-2 a first round proves less, and the last round may take
-twice the iterations; 1e-4 is as good."""
+"""Stiffness with which y is drawn to other duals. With 1e-2 a first round proves less, and the last
+round may take twice the iterations; 1e-4 is as good."""
 
 MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
-"""Limits at which the method gives up: 10 to 25 iterations are usual. Below `END` a step shorter
-than SHORT means that only rounding is left."""
+"""The method gives up after MAX_ITERATIONS, of which 10 to 25 are usual, or if both steps are
+shorter than MIN_STEP. If the mean product is at most END, a step shorter than SHORT means that only
+rounding is left."""
 
 PRIMAL_SHIFT = 1e-9
 """Shift of the diagonal, without which systems would be singular at the end."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
-"""Largest number of corrections of centrality for each factorisation, which takes as long as ten of
-them; and the least gain of the step lengths for which a correction is kept."""
+"""Largest number of corrections of centrality after each factorisation, and the least increase of
+the sum of both step lengths for which a correction is kept. A factorisation takes as long as ten
+corrections."""
 
 NEAR_BOUND = 0.99
-"""Share of the step to the nearest bound."""
+"""Share of the step to the nearest bound that is taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +106,7 @@ class _System:
         self.factors: Any = None
 
     def factor(self, first: Floats, second: Floats) -> None:
-        """Factor with the diagonals D and E."""
+        """Factor the matrix with the diagonals D (`first`) and E (`second`)."""
         self.upper.data[self.diagonal] = np.concatenate((first, -second))
         if self.factors is None:
             self.factors = qdldl.Solver(self.upper, upper=True)
@@ -121,11 +127,11 @@ def solve_nearest(
     *,
     exact: bool,
 ) -> tuple[Floats, Floats] | None:
-    """Return the best w (n,), and nearly those of the best y (m,) that are nearest to the start.
+    """Return optimal w (n,), and optimal duals y (m,) that are nearly the nearest to the start.
 
-    They ``minimise sum stiff (y - start)^2`` where complementary slackness holds. With `exact` the
+    The nearest ones minimise ``sum stiff (y - start)^2`` among the optimal duals. With `exact` the
     solution is exact up to rounding, otherwise the mean product is `ENOUGH`. The result is None if
-    numbers break down before, or if it is late.
+    the computation breaks down or is `late`.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -147,7 +153,7 @@ class _Newton:
     x, d : (n + k + m,) float arrays
         The point: numbers and their duals.
     centre, stiff : (m,) float arrays
-        Values to which the duals y are drawn, and stiffness of this pull.
+        Values to which y is drawn, and stiffness of this pull.
 
     Attributes
     ----------
@@ -182,7 +188,7 @@ class _Newton:
         self.second[p.rises] += self.rise / self.own
 
     def direction(self, change: Floats) -> tuple[Floats, Floats]:
-        """Return steps of both parts that change the products by `change`, to first order."""
+        """Return steps of numbers and duals that change products by `change`, to first order."""
         other = self.lack - change[self.splits[1] :] / self.y
         rising = change[self.splits[0] : self.splits[1]] + self.rise * self.excess_rise
         other[self.rises] += rising / self.own
@@ -198,7 +204,7 @@ class _Newton:
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
-        """Return directions of both parts, predicted and corrected, and their step lengths."""
+        """Return the corrected directions of numbers and duals, and the lengths of their steps."""
         self.system.factor(self.first, self.second)
         x, d = self.x, self.d
         dx, dd = self.direction(-self.product)
@@ -229,7 +235,7 @@ def _iterate(
     exact: bool,
     late: Callable[[], bool],
 ) -> tuple[Floats, Floats] | None:
-    """Return w, rises and slacks, and their duals, at the optimum; None if it is not reached."""
+    """Return the numbers and their duals at the optimum; None if it is not reached."""
     w, y = start
     slack = p.full - p.matrix @ w
     rise = np.maximum(-slack[p.rises], 0.0)
@@ -247,7 +253,7 @@ def _iterate(
         if late():
             return None
         dx, dd, along, across = newton.best()
-        if not max(along, across) > MIN_STEP:  # NaN too
+        if not max(along, across) > MIN_STEP:  # also if it is NaN
             break
         if newton.mean <= END and min(along, across) < SHORT:
             break
@@ -259,7 +265,10 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Return positive numbers with this product, or more for wrong signs; keep differences."""
+    """Return positive numbers and duals with this product, and the differences that they had.
+
+    The product is larger if there are large negative numbers or duals.
+    """
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))
     difference = np.maximum(x, 0.0) - np.maximum(d, 0.0)

@@ -1,8 +1,9 @@
 """Linear programmes on the states that prices left undecided, in rounds of growing reach.
 
-Each programme is local: states that are decided or have slack above the reach are fixed, and
-components without a share in the gap are left out (docs/theory/solvers.md, "Programmes"). Bounds of
-the result are computed on all states; a programme does not show whether its result is optimal.
+Each programme is local: it decides the *free* states, and the others are fixed. Fixed are states
+that are decided or have slack above the reach. Components without a share in the gap are left out
+(docs/theory/solvers.md, "Programmes"). Bounds of the result are computed on all states; a programme
+does not show whether its result is optimal. Words and shapes: `tgospa_eval.solvers`.
 
 Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
 take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
@@ -37,14 +38,14 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     -------
     states : States
         The rows and columns that the free states touch. They have all their states from the step
-        before the first free state to the step after the last. Column slots of other nodes have no
-        meaning.
+        before the first free state to the step after the last. The slots of columns without free
+        states have no meaning.
     state : (S',) int array
-        Place of each state of the part in the whole.
+        Position in the whole of each state of the part.
     free : (F,) int array
-        The free states of the part.
+        Positions of the free states in the part.
     slot : (K',) int array
-        Place of each column slot of the free states in the whole; arbitrary for other slots.
+        Position in the whole of each column slot of the free states; arbitrary for other slots.
     """
     pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
@@ -89,7 +90,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # The slots of a touched node are its slots of the whole, from the slot at `before` on.
+    # A column with free states has the slots of the whole, from the slot at the step `before` on.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -106,10 +107,10 @@ def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
 
 
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
-    """Return the last place of each range from `low` to before `high` with a step <= `until`.
+    """Return, for each range from `low` to before `high`, the last position with a step <= `until`.
 
-    The place is `low` - 1 if no step is so early. Steps rise in each range; all ranges are bisected
-    at once.
+    It is `low` - 1 if no step is so early. Steps rise in each range; all ranges are bisected at
+    once.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -124,7 +125,7 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Free states and priced slots of a programme, by places in the whole, and its proposal."""
+"""Free states and priced slots of a programme, as positions in the whole, and its proposal."""
 
 
 class Programmes:
@@ -133,7 +134,7 @@ class Programmes:
     Attributes
     ----------
     iterations, seconds : int, float
-        Iterations of HiGHS, and total time of this object.
+        Iterations of HiGHS, and time of all programmes so far.
     crowd : bool
         Whether the problem is a crowd, for which the simplex method would take too long.
     unit : float
@@ -186,7 +187,10 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_nearby(self, reach: float) -> None:
-        """Solve programmes in windows of a large problem, unless sweeps of all would be faster."""
+        """Solve programmes in windows (`_run_windows`) if a problem is large and few are undecided.
+
+        Otherwise sweeps of all states are faster.
+        """
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
             return
@@ -228,7 +232,8 @@ class Programmes:
     def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
         """Solve programmes around the steps that keep gaps open, in growing windows.
 
-        Components of more than `max_states` states and windows of more than `room` are left out.
+        Components of more than `max_states` states are left out. The work ends before a window with
+        more than `room` states.
         """
         ascent = self.ascent
         span, first_reach = WINDOWS.span, reach
@@ -253,7 +258,7 @@ class Programmes:
             near = self._near(reach)
 
     def _nearly(self) -> bool:
-        """Return whether the open gap is a tiny share of the cost."""
+        """Return whether the open gap is a tiny share of the cost of the open blocks."""
         return self.ascent.open_gap < PROGRAMMES.nearly * self.ascent.open_cost
 
     def _crowded(self, near: Mask) -> bool:
@@ -288,10 +293,11 @@ class Programmes:
         return bool(parts) or not len(free)
 
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
-        """Propose the best weights and prices of each group of states, refined if need be.
+        """Solve the programme of each group of states, and propose its weights and prices.
 
         The prices of a programme may miss the best bound by `PROGRAMMES.tolerance` for each state.
-        With shares (S,), the interior point method solves large groups, beginning from the shares.
+        If the open gap is not larger than that, they are refined. With shares (S,), the interior
+        point method solves large groups, beginning from the shares.
         """
         ascent, solved = self.ascent, []
         for group in parts:
@@ -365,7 +371,10 @@ class Programmes:
         return self.batch.limit.progress.in_thread(work) if size > PROGRAMMES.quick else work()
 
     def _propose(self, solved: list[Solved]) -> None:
-        """Try weights, prices and their mixtures, which may be better: the dual is convex."""
+        """Try the proposed weights and prices, and mixtures of new and old prices.
+
+        A mixture may be better than both, because the dual is convex.
+        """
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
         for free, slot, proposal in solved:
@@ -391,7 +400,7 @@ class Programmes:
         ascent.try_prices(prices)
 
     def _propose_weights(self, free: Ints, proposed: Floats) -> None:
-        """Make the weights (S,), which are new for the free states, feasible, and try them."""
+        """Make the weights (S,) feasible, and try them; only those of the free states are new."""
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
@@ -402,7 +411,7 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try the new prices of the groups at whose steps the losses do not rise by them."""
+        """Try the new prices, but only of groups that do not raise the losses at their steps."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -439,7 +448,10 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return steps (T,) within `span` of the steps that lose most; others lose <= `allowed`."""
+    """Return the steps (T,) that are at most `span` steps from those that lose most.
+
+    The steps that do not count as such lose at most `allowed` together.
+    """
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
     change = np.zeros(len(lost) + 1, np.int32)
@@ -450,13 +462,16 @@ def windows(lost: Floats, allowed: float, span: int) -> Mask:
 
 
 INTERIOR = 25_000
-"""Number of states above which the interior point method is used first: without prices there is no
-starting basis. 47,000 states took 82 s, by the simplex method more than 190 s; 11,000 states took
-the same time by either method."""
+"""Number of states above which `solve_whole` uses the interior point method first: without prices
+there is no starting basis. 47,000 states took 82 s, by the simplex method more than 190 s; 11,000
+states took the same time by either method."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
-    """Solve each block of a batch; if time is short, use feasible best paths for a block."""
+    """Solve each block of a batch by HiGHS.
+
+    A block that is not solved gets its best paths, made feasible, if they cost less.
+    """
     begin = time.perf_counter()
     iterations, unsolved = 0, []
     for number in np.flatnonzero(batch.wanted).tolist():
@@ -481,7 +496,7 @@ def solve_whole(batch: BlockBatch) -> Answer:
 
 
 def _programme(states: States, limit: Limit) -> "Proposal | None":
-    """Solve one block by HiGHS; None if there is no time."""
+    """Solve one block by HiGHS; return None if it is stopped before."""
     from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # lazy: HiGHS is slow
 
     size = len(states.begin)

@@ -1,6 +1,7 @@
 """The restricted linear programme: HiGHS decides some states, and all other states are fixed.
 
-HiGHS only proposes; bounds are evaluated on all states afterwards.
+HiGHS only proposes; bounds are evaluated on all states afterwards. Words, letters and shapes:
+`tgospa_eval.solvers`.
 """
 
 import time
@@ -24,29 +25,36 @@ Long = NDArray[np.longdouble]
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    The columns of A are the free states and a rise for each transition. Its rows are the capacities
-    of the rows, those of the columns, and the transitions.
+    The columns of A are the free states, and a rise of weight for each transition. A *transition*
+    is the change from a state of a pair to the next. The constraints (rows of A) are the capacities
+    of the slots of rows, those of the slots of columns, and the transitions.
 
     Parameters
     ----------
     states : States
+        The problem.
     free : (F,) int array
         The states that the programme decides, in order.
     transition_reward : (F,) long float array
-        Sum of the parts that all transitions add to the rewards of the free states.
+        Part of the reward of each free state that comes from its transitions.
     to, source : (A,) int arrays
-        Transitions with a charge for a rise of weight, w[to] - w[source] <= constant + rise. `to`
-        and `source` are positions among the free states; `source` counts only if both states of a
-        transition are free (`two`).
+        States of each transition that pays for a rise, as positions among the free states. Its
+        constraint is ``w[to] - w[source] <= constant + rise``. If one state of a transition is
+        fixed, `to` is the free one, and `source` has no meaning.
     two : (A,) bool array
+        True where both states of a transition are free.
     paid : (A,) float array
+        Switch price at each transition.
     rows, columns : CapacityRows
+        Capacities of the slots of rows and of columns.
     before : (k,) float array
         Previous prices of the slots of the columns.
     reward : float array
+        Reward of each column of A.
     row, column, entry : (nnz,) arrays
         A, without duplicate entries.
     full, upper : float arrays
+        Right-hand side of each constraint, and upper bound of each column of A.
     unit : float
         Unit of the costs that HiGHS receives and of the duals that it returns.
     """
@@ -71,13 +79,13 @@ class Programme:
 
     @cached_property
     def parts(self) -> tuple[slice, slice]:
-        """Columns of A: states, rises."""
+        """Ranges of the columns of A: free states, rises."""
         size = len(self.free)
         return slice(0, size), slice(size, size + len(self.to))
 
     @cached_property
     def constraints(self) -> tuple[slice, slice, slice]:
-        """Rows of A: capacities of the rows, of the columns, transitions."""
+        """Ranges of the rows of A: capacities of rows, capacities of columns, transitions."""
         a, b = len(self.rows.room), len(self.columns.room)
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
 
@@ -88,7 +96,7 @@ class Programme:
 
     @cached_property
     def anchor(self) -> Floats:
-        """Duals <= 0 of all constraints; HiGHS finds their change.
+        """Duals <= 0 of all constraints near the best ones; HiGHS computes how much to change them.
 
         They are the prices, the values of the rows at these prices, and half the costs of changes.
         """
@@ -139,7 +147,7 @@ class Programme:
         own = cost[self.parts[0]]
         own[:] = 0.0
         own[gains] -= _prices(self.states, entry[gains])
-        np.add.at(own, self.rows.state, self.offset[self.rows.constraint])  # mostly 0 now
+        np.add.at(own, self.rows.state, self.offset[self.rows.constraint])  # the result is mostly 0
         own[gains] += self.states.problem.cost[entry[gains]]
         own -= self.transition_reward
         np.subtract.at(cost, self.column, self.entry * dual[self.row])
@@ -156,8 +164,9 @@ def make_programme(
 ) -> Programme:
     """Build the programme of the free states, in order; other states are fixed at their weights.
 
-    It is: maximise sum g_s w_s - sum_a price_a |w_a+1 - w_a| over w >= 0 with every slot at most
-    full. |d| = 2 max(d, 0) - d leaves one column and one row for each transition a.
+    It is: maximise ``sum_s g_s w_s - sum_a price_a |d_a|`` over weights w >= 0 with every slot at
+    most full. g_s are gains, and d_a is the change of weight in transition a. Since
+    ``|d| = 2 max(d, 0) - d``, one column and one row of A are enough for each transition.
     """
     size = len(free)
     fixed = weights.copy()
@@ -241,7 +250,7 @@ def _moves(
 
 
 def _position(ordered: Ints, sought: Ints) -> Ints:
-    """Return the position of each sought number in the ordered numbers, -1 if it is missing."""
+    """Return the position of each `sought` number in the `ordered` numbers, -1 if it is missing."""
     at = np.minimum(np.searchsorted(ordered, sought), len(ordered) - 1)
     return np.where(ordered[at] == sought, at, -1)
 
@@ -255,7 +264,7 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 
 
 MIN_STATES = 300
-"""Least number of free states for a starting basis: fewer take a few milliseconds anyway."""
+"""Least number of free states for a starting basis. Fewer take a few milliseconds anyway."""
 
 BASIC = 1e-10
 """Limit below which reduced costs and duals count as zero."""
@@ -264,9 +273,9 @@ BASIC = 1e-10
 def suggest(p: Programme) -> tuple[Mask, Mask] | None:
     """Suggest a basis by complementary slackness at the prices; None if the programme is small.
 
-    Prices do not determine the duals of rows and transitions. For the shortest path problem of each
-    row these are potentials, the best values of paths that end in each state: see `_potentials`.
-    Columns with a reduced cost near zero and constraints with a dual near zero are basic.
+    Columns with a reduced cost near zero and constraints with a dual near zero are basic. Prices do
+    not determine the duals of rows and transitions. These come from the best values of paths that
+    end in each state, the potentials of a shortest path problem: see `_potentials`.
     """
     if not kernels or len(p.free) < MIN_STATES:
         return None
@@ -320,11 +329,12 @@ def _potentials(p: Programme) -> Floats:
 
 
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return first and last border and row of each free state, and the first border of each row.
+    """Return the borders at the ends of each free state, its row, and the first border of each row.
 
-    Each row has a border before its first constraint and one after each constraint; borders are
-    numbered row by row. A state without a constraint lies at the end of the state before it of its
-    pair.
+    Each row has a border before its first constraint and one after each constraint. Borders are
+    numbered row by row. The results are the first border of each state, the last one, the row of
+    each state, and the first border of each row. A state without a constraint lies at the end of
+    the state of its pair before it.
     """
     states, size = p.states, len(p.free)
     pair = states.pairs_of(p.free)
@@ -351,21 +361,22 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""Least number of constraints of a large programme; limit of the iterations, and limit of the work,
-of the simplex method for each constraint; and rows in a sample. Beyond the limits a programme is
-dense with ties: there the interior point method is up to ten times faster, but elsewhere two to
-four times slower. The work of an iteration is the number of nonzeros in a row of the inverse of the
-basis, by a sample: 5 to 20 as a rule, 2,000 with ties."""
+"""A programme of LARGE_LP constraints or more is large. Then the simplex method may take, for each
+constraint, ITERATIONS_EACH iterations and the work WORK_EACH. The work of an iteration is the
+number of nonzeros in a row of the inverse of the basis, by a sample of SAMPLED_ROWS rows: 5 to 20
+as a rule, 2,000 if very many costs tie. Beyond these limits many costs tie, and the interior point
+method is up to ten times faster; elsewhere it is two to four times slower."""
 
 TAKEN_FOR_ZERO = 1e-9
 """Feasibility tolerance of HiGHS."""
 
 SCALE, SHIFT = 2.0**70, 2.0**20
-"""Largest factor by which the correction of duals is scaled up, and limit of its costs."""
+"""Largest factor by which `refine` scales costs up, and the limit at which it clips them."""
 
 ROOMIER = 1e-6
-"""Additional room of columns while duals are refined. It selects the least of all best prices:
-prices near 1 lose small digits. A basis that is optimal with this room is optimal without it."""
+"""Additional room in the slots of columns while duals are refined. It selects the smallest of the
+best prices, because prices near 1 lose small digits. A basis that is optimal with this room is
+optimal without it."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Largest error of a dual after refinement, and largest number of refinements."""
@@ -392,10 +403,10 @@ class Proposal:
     finished : bool
         Whether HiGHS found an optimum.
     interior : bool
-        Whether the simplex method would have taken too long.
+        True if the simplex method would have taken too long.
     vertex : tuple, optional
-        Where `refine` starts, if HiGHS found an optimum: the programme, the duals of its
-        constraints (<= 0 because HiGHS minimises), and the basis, which is slow to unpack.
+        Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
+        (<= 0 because HiGHS minimises), and the basis as HiGHS has it, which is slow to unpack.
     """
 
     weights: Floats
@@ -448,7 +459,8 @@ def solve_restricted_lp(
 
 
 SOFT = 0.01
-"""Stiffness of potentials of rows and transitions, which are not kept, relative to prices."""
+"""Stiffness (`solvers.interior_point`) of the duals of rows and transitions, relative to that of
+prices. It is small, because these duals are not kept."""
 
 
 def solve_interior(
@@ -462,10 +474,11 @@ def solve_interior(
     *,
     exact: bool,
 ) -> Proposal | None:
-    """Solve as `solve_restricted_lp` by the interior point method; None if numbers break down.
+    """Solve as `solve_restricted_lp`, by the interior point method; None if that breaks down.
 
-    The method begins at the `shares` (F,) and the `prices`. It returns the optimal prices that are
-    nearest to these, exact up to rounding if `exact`. It needs the compiled kernels.
+    The method begins at the weights `shares` (F,) and at the `prices`. It returns the optimal
+    prices that are nearest to `prices`; with `exact` they are exact up to rounding. It needs the
+    compiled kernels.
     """
     from scipy import sparse  # lazy: slow to import, and few scenes are crowds
 
@@ -503,9 +516,11 @@ def solve_interior(
 def refine(proposal: Proposal, seconds: float | None) -> Proposal:
     """Refine the prices of a proposal from 1e-9 to the last place.
 
-    ``y <- y + y' / s`` with the duals y' of ``min s (c - A'y) x`` over the same polytope, from the
-    same basis, with c - A'y in long doubles: Gleixner, Steffy and Wolter, "Iterative refinement for
-    linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, and are columns.
+    With costs c and duals y, an iteration is ``y <- y + y' / s``. Here y' are the duals of
+    ``min s (c - A'y) x`` over the same polytope, from the same basis, s is a large factor, and
+    c - A'y is computed in long doubles: Gleixner, Steffy and Wolter, "Iterative refinement for
+    linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, so they are columns
+    of the model.
     """
     if proposal.vertex is None:
         return proposal
@@ -556,7 +571,7 @@ def refine(proposal: Proposal, seconds: float | None) -> Proposal:
 
 
 def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
-    """Set additional room of the columns; slacks are columns of the model."""
+    """Add room to the slots of columns, in a model whose slacks are columns."""
     columns = p.constraints[1]
     for row, room in enumerate((p.full[columns] + more).tolist(), columns.start):
         highs.changeRowBounds(row, room, room)
@@ -568,7 +583,7 @@ def _spread(p: Programme, dual: Floats) -> Floats:
 
 
 def _snapped(p: Programme, values: Floats) -> Floats:
-    """Return the weights, set to nearby fractions with small denominators if capacities allow.
+    """Return the weights, rounded to nearby fractions with small denominators if capacities allow.
 
     At a vertex, weights are fractions, mostly 0, 1, 1/2 or 1/3; HiGHS returns them within 1e-9.
     """
@@ -594,7 +609,7 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
     """Return the programme for HiGHS: minimise the reduced costs at `anchor`.
 
-    Its duals are the changes of the anchor. The slacks of some constraints are columns.
+    Its duals are the changes of the anchor. The slacks of the constraints `slack` are columns.
     """
     row = np.append(p.row, slack)
     column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
@@ -647,7 +662,7 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """Run HiGHS; return it, whether it is optimal, iterations, and whether simplex is too slow.
+    """Run HiGHS; return it, whether it is optimal, iterations, and whether simplex was too slow.
 
     The simplex method is tried first. If it takes long or fails, the interior point method with
     crossover follows. If this fails too, the simplex method follows without a limit of iterations.
@@ -666,7 +681,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue("presolve", "on")  # otherwise ties keep it from its tolerances
+    highs.setOptionValue("presolve", "on")  # without it, ties keep the method above its tolerances
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
@@ -677,7 +692,7 @@ def _solve(
 
 
 def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run the simplex method as long as it pays; return whether it is optimal, and iterations."""
+    """Run the simplex method within its limits; return whether it is optimal, and iterations."""
     rows = highs.getNumRow()
     done, work, portion = 0, 0.0, 3 * rows // 8
     while True:
@@ -690,7 +705,7 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = done  # HiGHS restarts in each run, and short runs never end if many costs tie
+        portion = done  # runs become longer: if many costs tie, short runs restart without progress
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
@@ -705,9 +720,9 @@ def _over(deadline: float | None) -> bool:
 
 
 def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run until the deadline; return whether that found an optimum, and its iterations."""
+    """Run until the deadline; return whether there is an optimum, and the number of iterations."""
     if deadline is not None:
-        # HiGHS counts the time of all runs of a model.
+        # The limit of HiGHS is for the time of all runs of a model.
         left = max(deadline - time.monotonic(), 0.0)
         highs.setOptionValue("time_limit", highs.getRunTime() + left)
     highs.run()

@@ -2,7 +2,8 @@
 
     max  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(slack),   H(t) = t - t log t
 
-over mixtures theta of the paths of each row. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
+over mixtures theta of the paths of each row, where slack is what the paths leave of each column
+slot. Words and letters: `tgospa_eval.solvers`. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
 computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
 (docs/theory/solvers.md, "Sinkhorn sweeps"). The bounds of the result come from the prices and from
 the rounded assignment. The entropic value is not a bound.
@@ -88,7 +89,7 @@ class Sinkhorn(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Work that sweeps until the gap is closed or settles, or columns are full to 1e-6.
+        """Functions that sweep until the gap is closed or settles, or columns sum to 1 within 1e-6.
 
         A warm start is ignored, because hot sweeps would forget it. Without compiled kernels,
         linear programmes replace the sweeps, because they are then faster, and exact.
@@ -157,7 +158,7 @@ def _check(
     epsilon: float,
     violation: float,
 ) -> dict[str, float]:
-    """Return one record of the history."""
+    """Return one record of `Answer.history`."""
     upper = float((ascent.cost - ascent.unassigned_cost)[blocks].sum())
     return {
         "sweep": sweep,
@@ -177,7 +178,8 @@ MAX_TRACE, MAX_LINKS = 1000, 5_000_000
 """Largest number of sweeps of a trace, and largest number of links of all its states."""
 
 MET, STILL = 1e-7, 1e-9
-"""Shares of the dual at which a trace ends: gap to the primal, and change since the last check."""
+"""A trace ends if the gap between primal and dual is at most the share MET of the dual, or if the
+dual has changed by at most the share STILL of it since the last check."""
 
 NEVER = 700.0
 """Ratio of switch price to temperature above which the mass that pays the price underflows."""
@@ -203,7 +205,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
     soft = np.zeros(len(states.columns.step))
     layout = None
     if len(soft):
-        price = problem.weight(slice(None))  # one for all entries, or one for each
+        price = problem.weight(slice(None))  # one number for all entries, or one for each
         both = (price, None) if isinstance(price, float) else (0.0, price)
         layout = kernels.Layout(states, problem.switch_price_at, *both)
         layout.keep(np.ones(len(states.block_begin), np.uint8))
@@ -235,16 +237,18 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
 
 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
-    """Return the gain of the masses at prices v with entropy, the dual at v, and the gain without.
+    """Return the primal and the dual value with entropy, and the gain without, at prices v.
 
-    theta = exp((value_v - alpha) / epsilon), alpha_i = epsilon log sum_pi exp(value_v / epsilon),
-    sigma = exp(-v / epsilon), and so ([Wernholm], the Lagrangian dual)
+    The masses are theta = exp((value_v - alpha) / epsilon), with alpha_i = epsilon log sum_pi
+    exp(value_v / epsilon) for row i, and sigma = exp(-v / epsilon). By the Lagrangian dual
+    ([Wernholm])
 
         primal  sum_i alpha_i + sum_r v_r load_r + sum_r (epsilon + v_r) sigma_r,
         dual    sum_i alpha_i + sum_r v_r        + sum_r epsilon sigma_r,
-        gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes there).
+        gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes at a).
 
-    The dual is never below the largest primal; they are equal where load + sigma = 1.
+    Sums are over rows i, column slots r, states s, and changes a from a state of a pair to the
+    next. The dual is never below the largest primal; they are equal where load + sigma = 1.
 
     Parameters
     ----------
@@ -268,7 +272,7 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
     changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
     half = states.problem.switch_price_at[states.begin[arc]]
-    half = np.where(half < NEVER * epsilon, half, 0.0)  # at higher prices only rounding changes
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # at higher prices any change is rounding
     gain = (mass * states.gain).sum() - (half * changing).sum()
     return float(primal), float(dual), float(gain)
 
@@ -276,11 +280,12 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
     """Return the value of each row, the mass of each state, and its mass from the state before.
 
-    Messages in logarithms, with q = exp(-lambda / epsilon) (docs/theory/solvers.md, "Messages"):
-    A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and the same backward in time.
+    They come from messages a and A, in logarithms (docs/theory/solvers.md, "Messages"). With
+    q = exp(-lambda / epsilon), A_0' = a_0 + q sum a_s and A_s' = (1 - q^2) a_s + q A_0', and the
+    same backward in time.
     """
     row = np.repeat(states.pair_row, np.diff(states.pair_first))
-    order = np.lexsort((row, states.begin))  # by step, the states of a row together
+    order = np.lexsort((row, states.begin))  # by step, then by row
     weight = ((states.gain - states.columns.totals(prices)) / epsilon)[order]
     row, step, place = row[order], states.begin[order], np.argsort(order)
     before = place[order - 1]
@@ -290,7 +295,7 @@ def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Flo
     with np.errstate(divide="ignore"):
         rest = np.where(fresh, 0.0, np.log(-np.expm1(2 * q)))
     node = np.flatnonzero((np.diff(row, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 0))
-    ends = np.flatnonzero(np.diff(step[node], prepend=-1, append=-1))  # nodes of a step
+    ends = np.flatnonzero(np.diff(step[node], prepend=-1, append=-1))  # first node of each step
     begins = np.append(node, len(order))
     sizes = np.diff(begins)
     spans = [(slice(m, n), slice(begins[m], begins[n])) for m, n in itertools.pairwise(ends)]

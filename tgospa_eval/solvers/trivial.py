@@ -12,7 +12,7 @@ from tgospa_eval.problem.states import ONE, States, connected_components
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
-    """Return an optimal path of each row at column prices, as weights 0 and 1, (S,)."""
+    """Return an optimal path of each row at prices of the columns, as weights 0 and 1, (S,)."""
     return paths(states, states.gain - states.columns.totals(prices))
 
 
@@ -35,7 +35,7 @@ def paths(states: States, value: Floats) -> Floats:
         np.maximum.at(unassigned_value, at, reached - price)
         after = unassigned_value[at]
         left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
-        unassigned_from[at[left]] = state[left] - 1  # the last assignment is the first of equals
+        unassigned_from[at[left]] = state[left] - 1  # of equal states the first is written last
         enter = after - price
         stays = (reached >= enter) & (state > states.pair_first[pair])
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])
@@ -66,7 +66,7 @@ def dual_values(states: States, prices: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# From prices and soft assignments to one path per row, without a common column slot.
+# Rounding: one path for each row, so that no two paths share a column slot.
 
 ROUNDINGS = 12
 
@@ -81,7 +81,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
     value : (S,) float array
         Gain minus price of each state.
     preference : (S,) float array
-        The state with the larger preference wins if two rows claim a column slot.
+        Preference of each state. If two rows claim a column slot, the larger one wins.
     """
     value = value.copy()
     for _ in range(ROUNDINGS):
@@ -123,14 +123,17 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
 
 
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
-    """Solve as `solve_rows`, and also blocks whose best paths share no slot (with prices 0)."""
+    """Solve as `solve_rows`, and also blocks whose best paths at prices 0 share no column slot."""
     return solve_rows(states, weights, prices, conflict_free=True)
 
 
 def solve_rows(
     states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
 ) -> Ints:
-    """Solve as `solve_steps`, and also blocks with one row (or one pair) by a shortest path."""
+    """Solve as `solve_steps`, and also blocks with a single row, by a shortest path.
+
+    With `conflict_free`, also solve blocks whose best paths share no column slot.
+    """
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True
@@ -197,7 +200,10 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
 
 
 def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
-    """Return each item's number from 0 within its component, and the counts."""
+    """Return a number for each item, from 0 in its component, and the counts by component.
+
+    Equal items of a component have the same number.
+    """
     order = np.lexsort((items, component))
     new = np.diff(items[order], prepend=-1) != 0
     number = np.empty(len(items), np.int64)
@@ -207,12 +213,13 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 
 
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
-    """Return an assignment of largest gain (m, n), and the lowest column prices that prove it.
+    """Return an assignment of largest gain, and the lowest column prices that prove it.
 
-    The result is the column of each row (-1 for none), (m,), and prices v >= 0, (n,): for row i,
-    gain[i, j] - v[j] is at most its own gain minus its own price. The prices are the fixed point of
-    v[j] = max over i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual
-    graph, which has no positive cycle at an optimum).
+    `gain` is (m, n). The result is the column of each row (-1 for none), (m,), and prices v >= 0 of
+    the columns, (n,). For row i and every column j, gain[i, j] - v[j] is at most the gain minus the
+    price of the column that i has (0 without a column). The prices are the fixed point of v[j] =
+    max over i of gain[i, j] - (gain of i minus price of its column): Bellman-Ford on the residual
+    graph, which has no positive cycle at an optimum.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
@@ -235,7 +242,7 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
 
 
 def _hold(states: States, weights: Floats) -> None:
-    """Keep pairs assigned through their runs without gain if no other pair claims the slots.
+    """Keep pairs assigned through their runs without gain if no other pair uses the slots.
 
     If switches are free, this does not change the cost. It lowers the reported number of switches
     as far as this assignment allows. Short runs come first.

@@ -1,9 +1,11 @@
 """Tuned numbers of the certified solver, each with its reason.
 
 These numbers do not affect the validity of the bounds: any prices bound the optimum from below, and
-any feasible weights from above. They affect the time until both meet. "Not measured" means a round
-number. Scenes such as 50,100,20,2 are settings m,T,area,noise of docs/performance.md: targets,
-steps, side of the square, and standard deviation of the errors.
+any feasible weights from above. They affect the time until both meet. A docstring is for all
+numbers since the docstring before it. "Not measured" means that a round number was chosen. Scenes
+such as 50,100,20,2 are settings m,T,area,noise of docs/performance.md: targets, steps, side of the
+square, and standard deviation of the errors. Words: `tgospa_eval.solvers`. Temperatures and reaches
+are in c^p.
 """
 
 import numpy as np
@@ -51,9 +53,9 @@ class Ascending:
         (0.002, 64),
         (0.001, 64),
     )
-    """Stages from hot to cold. 64 sweeps at small temperatures cost little compared with a
-    programme, and bring the dual value to 1e-5 of itself. Programmes after 16 sweeps at 0.02 took 2
-    to 4 times the whole time."""
+    """Stages from hot to cold. 64 sweeps at a small temperature cost little compared with a
+    programme, and leave an error of 1e-5 of the dual value. With programmes after 16 sweeps at
+    0.02, solving took 2 to 4 times as long."""
 
     small: int = 10_000
     small_stages: tuple[Stage, ...] = (
@@ -64,26 +66,27 @@ class Ascending:
         (0.003, 32),
         (0.001, 64),
     )
-    """Stages of a problem with at most `small` states. There a programme of any size costs as much
-    as four stages, and the sweeps of a stage hardly more than the rest of it. 10 x 10 x 50 in a
-    square of 100 with c = 10 takes 0.77 of the time, 20,50,20,1 takes 0.9."""
+    """Stages of a problem with at most `small` states. There even the smallest programme costs as
+    much as four stages, and the sweeps of a stage cost hardly more than the rest of the stage. 10
+    objects and 10 tracks at 50 steps in a square of 100 with c = 10 take 0.77 of the time,
+    20,50,20,1 takes 0.9."""
 
     resumed: tuple[Stage, ...] = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
-    """Stages from a near warm start. For a curve they take a tenth of the time of all stages."""
+    """Stages from a near warm start. For `--curve` they take a tenth of the time of all stages."""
 
     repeats: int = 16
     settled: float = 0.015
     gained: float = 0.001
-    """A stage that leaves columns violated by more than `settled`, and lowered the dual value by
-    more than the fraction `gained` of the cost, is repeated with a new working set. In the old
-    set, more sweeps only drive prices to where states outside the set are better. With cutoffs far
-    above the errors, 0.01 is far from settled after 64 sweeps: 100,60,150,2 with c = 50 takes 2.5
-    instead of 10 s."""
+    """A stage is repeated with a new working set, up to `repeats` stages, while two conditions are
+    true: columns are violated by more than `settled`, and the stage lowered the dual value by more
+    than the fraction `gained` of the cost. More sweeps with the old set would only drive prices to
+    where states outside the set are better. With cutoffs far above the errors, the stage at 0.01 is
+    far from settled after 64 sweeps: 100,60,150,2 with c = 50 takes 2.5 instead of 10 s."""
 
     free: float = 8.0
     """If half a switch costs less than the last temperature, all steps are solved separately first.
-    If the gap that is left is below `Programming.nearly` of the cost, temperatures are fractions of
-    `free` times half a switch. Not measured."""
+    If the gap is then below the fraction `Programming.nearly` of the cost, the unit of temperatures
+    is `free` times the cost of half a switch. Not measured."""
 
     calm: float = 0.1
     calm_above: float = 0.01
@@ -98,8 +101,8 @@ class Ascending:
     if the gap of the whole is small. Not measured."""
 
     thresholds: tuple[float, ...] = (1.0, 0.0, 3.0)
-    """Multiples of the temperature: prices up to these are tried as 0, as in slots without
-    competition. Not measured."""
+    """After a stage, prices up to each of these multiples of the temperature are tried as 0, which
+    is the best price in slots without competition. Not measured."""
 
 
 class Programming:
@@ -112,55 +115,62 @@ class Programming:
     early_from_small: float = 0.003
     early_gap: float = 0.1
     early_states: int = 50_000
-    """Reaches of programmes after each stage from the temperature `early_from` on (small problems:
-    `early_from_small`), if gaps are smaller than the fraction `early_gap` of the cost. Only
-    components of up to `early_states` states have such programmes. From prices at 0.01 on a
-    programme takes as long as the sweeps that would save its iterations: 50,100,20,2 takes 0.37
-    instead of 0.57 s, crowds with wide cutoffs 0.8 of the time. After 0.02, or with a reach of
-    0.05, it is often in vain. The reach is above `afar` only if gaps are smaller than `nearly`:
-    then a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes 4.3
-    instead of 8.8 s. A second programme at 0.3 with the states that became attractive, and then one
-    at 0.5, take 0.4 and 0.75 of the time of 50,100,31.6, where 1.0 would join half of all
-    states."""
+    """`early` are the reaches of programmes after a stage, under two conditions. The temperature of
+    the stage is at most `early_from` (small problems: `early_from_small`), and the gap is smaller
+    than the fraction `early_gap` of the cost. Only components of up to `early_states` states have
+    such programmes. After the stage at 0.01 or later ones, a programme takes as long as the sweeps
+    that would save its iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds with wide
+    cutoffs take 0.8 of the time. After the stage at 0.02, or with a reach of 0.05, it is often in
+    vain. Reaches above `afar` are only used if the gap is smaller than the fraction `nearly` of the
+    cost: then a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes
+    4.3 instead of 8.8 s. The second programme with the reach 0.3 is for the states that became
+    attractive. With it, and then with the one at 0.5, 50,100,31.6 takes 0.4 and 0.75 of the time:
+    there the reach 1.0 would join half of all states."""
 
     crowd: int = 20_000
     crowded: float = 0.5
     """If a component has more than `crowd` states, the reach of early programmes is multiplied by
-    `crowded`. MOT17-02 by centres with c = 300 takes 1.2 instead of 1.9 s, 100,110,150,2 with c =
-    50 1.9 instead of 2.7 s; but 50,100,20,2, with 12,000 near states, 0.40 instead of 0.33 s."""
+    `crowded`. The centres of MOT17-02 with c = 300 take 1.2 instead of 1.9 s, and 100,110,150,2
+    with c = 50 takes 1.9 instead of 2.7 s. But 50,100,20,2, with only 12,000 near states, would
+    take 0.40 instead of 0.33 s."""
 
     resumed: tuple[float, ...] = (0.05, 0.05, 0.2, 0.2)
     """Reaches after the stages of a warm start, where a few prices may be far off. Not measured."""
 
     rounds: tuple[float, ...] = (0.1, 0.3, 0.3, 0.4, 1.0, np.inf)
-    """Reaches of the rounds at the end. The first closes nearly all gaps that sweeps have
-    settled; the last is the plain programme, so that the method ends."""
+    """Reaches of the programmes after all stages. The first closes nearly all gaps if the sweeps
+    have settled. The last is the programme of all states, so that the method ends."""
 
     sure: float = 40.0
-    """If the gap is below c^p / `sure`, reaches and tolerances are fractions of `sure` times the
-    gap; the first reach is four times the gap. Otherwise no reduced cost shows a switch that costs
-    1e-9 c^p: 20 x 21 x 20 on a line with p = 1 takes 0.8, not 23 s."""
+    """If the gap is below c^p / `sure`, the unit of reaches and tolerances is not c^p, but `sure`
+    times the gap; the first reach is then four times the gap. Without this, no reduced cost shows a
+    switch that costs 1e-9 c^p: 20 objects and 21 tracks at 20 steps on a line with p = 1 take 0.8
+    instead of 23 s."""
 
     stuck: float = 0.5
     stuck_gap: float = 0.005
-    """After a round at the end that leaves more than the share `stuck` of a gap, and more than the
-    fraction `stuck_gap` of the cost, the next round has a larger reach. Not measured."""
+    """If a programme after all stages leaves more than the share `stuck` of the gap, and more than
+    the fraction `stuck_gap` of the cost, no second one with the same reach follows. Not
+    measured."""
 
     group: int = 3000
-    """States of components that share a programme. The time of the simplex method grows faster than
-    its size: components in one programme take longer than one after the other."""
+    """Approximate number of states of the components that share a programme. The time of the
+    simplex method grows faster than the programme: many components in one programme take longer
+    than one after the other."""
 
     after: int = 10
-    """Number of steps after the last state of a group in which its losses may still appear. Not
-    measured."""
+    """Number of steps after the begin of the last state of a group in which the losses from its new
+    prices may still appear. Not measured."""
 
     quick: int = 500
     build: float = 1e-5
-    """Up to `quick` states, a programme needs no thread, because it is solved at once. `build` are
-    the seconds per state for building a programme and starting HiGHS: 3 to 10 us measured."""
+    """A programme of up to `quick` states needs no thread, because it takes hardly any time.
+    `build` is the time, in seconds per state, for building a programme and starting HiGHS: 3 to 10
+    us measured."""
 
     tolerance: float = 1e-9
-    """Tolerance of HiGHS, for each state: if the open gap is less, duals are refined."""
+    """Error of the dual value that the tolerance of HiGHS may cause for each state. If the open gap
+    is not larger than the sum of these errors, duals are refined."""
 
     met: float = 1e-13
     """Fraction of the cost below which a gap is as small as doubles allow, so that no more prices
@@ -180,13 +190,15 @@ class Crowding:
     coldest: float = 0.01
     of_located: float = 0.08
     large: int = 120_000
-    """Above `size` states the interior point method pays: fewer take the simplex method a tenth of
-    a second. It follows the last stage if, at the temperature `coldest` or below, the mean of 1 - m
-    over the masses m exceeds `undecided`. Up to `large` states the temperature must also be at most
-    the fraction `of_located` of the mean cost of assigned pairs. At higher temperatures everything
-    looks undecided, and 60,50,20,2 with c = 10 takes 1.4 instead of 1 s. But 60 x 100 with a class
-    ignored, 134,000 states, is left open by the simplex method. The mean is 0.22 in 50,100,20,2 and
-    100,100,30,2, which the simplex method solves twice as fast, and 0.35 in 100,100,20,2."""
+    """The interior point method is used for problems of more than `size` states; the simplex method
+    solves smaller ones in a tenth of a second. It comes after the last stage if, at the temperature
+    `coldest` or below, the mean of 1 - m over the masses m exceeds `undecided`. Up to `large`
+    states the temperature must also be at most the fraction `of_located` of the mean cost of
+    assigned pairs: at higher temperatures everything looks undecided, and 60,50,20,2 with c = 10
+    takes 1.4 instead of 1 s. `large` is less than the 134,000 states of a scene of 60 objects at
+    100 steps with an ignored class, which the simplex method does not finish. The mean is 0.22 in
+    50,100,20,2 and 100,100,30,2, which the simplex method solves twice as fast, and 0.35 in
+    100,100,20,2."""
 
     min_states: int = 2000
     reach: float = 0.02
@@ -196,11 +208,12 @@ class Crowding:
     widest: float = 4.0
     nearly: float = 1e-4
     """Groups of fewer than `min_states` states do not use this method. The `reach` is halved, down
-    to `min_reach`, while more than `each` states are near at each slot of a row, because time grows
-    with the cube of their number. After a round that leaves more than the share `helped` of the
-    gap, the reach is doubled, up to the factor `widest` (8 took the same time in all cases). Below
-    the fraction `nearly` of the cost rounds are solved up to rounding. The first round leaves 2e-4
-    to 5e-4 in crowds, the second 1e-5 to 1e-4, exact or not."""
+    to `min_reach`, while on average more than `each` states are near at a slot of a row, because
+    time grows with the cube of their number. After a round that leaves more than the share `helped`
+    of the gap, the reach is doubled, up to the factor `widest` (8 took the same time in all cases).
+    If the gap is below the fraction `nearly` of the cost, a round is solved up to rounding. In
+    crowds the first round leaves a gap of 2e-4 to 5e-4 of the cost, and the second one 1e-5 to
+    1e-4, solved up to rounding or not."""
 
 
 class Windowing:
@@ -216,20 +229,21 @@ class Windowing:
     span: int = 25
     widen: int = 4
     shrink: float = 0.3
-    """A window has `span` steps before and after each of these steps. If more than the share
-    `shrink` of the gap remains, the reach rises to `farther`, and then `span` is multiplied by
-    `widen`. Not measured."""
+    """A window has `span` steps before and after each step that keeps gaps open. If more than the
+    share `shrink` of the gap remains, the reach rises to `farther`. If more remains again, the
+    reach is the first one, and `span` is multiplied by `widen`. Not measured."""
 
     farther: float = 1.0
-    """Reach after a window that did not help. If this reach does not help, the span grows."""
+    """Reach after a window that did not help."""
 
     spared: float = 0.25
-    """Steps of least loss are left out up to this share of the allowed gap. Not measured."""
+    """Steps with the smallest losses are left out of windows, if these losses sum to at most this
+    share of the allowed gap. Not measured."""
 
     large: int = 200_000
     share: float = 0.02
-    """A problem of more than `large` states is also solved in windows between stages, while at most
-    the share `share` of them is undecided there: a stage of sweeps takes about as long."""
+    """A problem of at least `large` states is also solved in windows between stages, while at most
+    the share `share` of its states is near in a window: a stage of sweeps takes about as long."""
 
 
 class TimeWindowing:
@@ -237,25 +251,26 @@ class TimeWindowing:
 
     min_states: int = 400_000
     steps: int = 300
-    """Components of fewer states or steps are solved whole. Half a million states take a second or
-    more; for 310,000 states in 300 steps, windows with 10 steps of overlap took 1.2 of the time."""
+    """Components of fewer than `min_states` states or `steps` steps are solved whole. Half a
+    million states take a second or more. For 310,000 states in 300 steps, windows with 10 steps of
+    overlap took 1.2 times as long."""
 
     size: int = 50_000
     shortest: int = 50
     overlap: int = 5
     """The core of a window has about `size` states and at least `shortest` steps. The window has
     `overlap` more steps on either side, and those of `fading`. 100,3000,100 with 740,000 states
-    takes 1.5 instead of 1.9 s on one core, the hard 60,600,60,2 with c = 20 and 670,000 states 5.9
-    instead of 8.5 s. If `size` is 100,000, the latter takes 5.5 s, but the former 2.5 s, and there
-    are fewer windows for the threads. If prices are not unique, more overlap does not close more
-    seams, and the steps in it are solved twice."""
+    takes 1.5 instead of 1.9 s on one core; the hard 60,600,60,2 with c = 20 and 670,000 states
+    takes 5.9 instead of 8.5 s. If `size` is 100,000, the hard scene takes 5.5 s, but the other one
+    2.5 s, and there are fewer windows for the threads. If prices are not unique, more overlap does
+    not make windows agree at more seams, and the steps in it are solved twice."""
 
     fading: float = 4.0
     highest_price: float = 10.0
-    """`fading` steps are added on either side for each c^p that half a switch costs: if it costs 2
-    c^p, 5 steps leave gaps of 1e-3, and 10 steps leave no gaps. If it costs more than
-    `highest_price` c^p, the assignment depends on steps far away, and components are not divided
-    (not measured)."""
+    """On either side of a window, `fading` steps are added for each c^p that half a switch costs.
+    If it costs 2 c^p, an overlap of 5 steps leaves gaps of 1e-3, and 10 steps leave no gaps. If it
+    costs more than `highest_price` c^p, the assignment depends on steps far away, and components
+    are not divided (not measured)."""
 
 
 ASCENT, PROGRAMMES, CROWDS, WINDOWS = Ascending(), Programming(), Crowding(), Windowing()

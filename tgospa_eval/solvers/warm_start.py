@@ -1,10 +1,12 @@
 """Proposals for a problem from solutions of neighbouring problems: parts may need no solver.
 
+Neighbours differ in one parameter C, which is c^p or gamma^p. If C is between C_0 and C_1,
+
     L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
 
-because the bound L is concave in prices and C, where C = c^p or gamma^p (docs/theory/solvers.md,
-"Sweeps of a parameter"). If both neighbours have the same best assignment, the optimum is on the
-straight line between theirs.
+for prices v_0 and v_1 of the neighbours, because the lower bound L is concave in prices and C
+together (docs/theory/solvers.md, "Sweeps of a parameter"). If both neighbours have the same best
+assignment, the optimum is on the straight line between theirs.
 """
 
 from functools import cached_property
@@ -16,7 +18,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
-"""Excess of a sum of weights above 1 that is more than rounding; the proof repairs less."""
+"""Excess of a sum of weights above 1 that is more than rounding. The proof repairs smaller ones."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,14 +52,20 @@ class SavedSolution:
 
     @cached_property
     def runs(self) -> tuple[Ints, Ints, Floats]:
-        """First and last (truth, estimate, step) of each run as one number, and weight; sorted."""
+        """Begin and end of each assignment, and its weight; sorted by begin.
+
+        Begin and end are (truth, estimate, step), coded as one number.
+        """
         pair = (self.truth * np.int64(self.estimates) + self.estimate) * self.steps
         order = np.argsort(pair + self.begin, kind="stable")
         return (pair + self.begin)[order], (pair + self.end)[order], self.weight[order]
 
     @cached_property
     def running_prices(self) -> tuple[Ints, Floats]:
-        """(estimate, step) of each price as one number, sorted, and sums of all prices before."""
+        """Place of each price, sorted, and the sums of all prices before it.
+
+        A place is (estimate, step), coded as one number.
+        """
         place = self.priced * np.int64(self.steps) + self.step
         order = np.argsort(place, kind="stable")
         return place[order], np.concatenate(([0.0], np.cumsum(self.price[order])))
@@ -93,8 +101,9 @@ class WarmStart:
 def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
     """Save feasible weights (S,), in units of 1/ONE, and prices (K,).
 
-    Consecutive states of a pair with the same weight are joined. An assignment at the begin or the
-    end of the window of its block is extended to the first or the last step of the problem.
+    Consecutive states of a pair with the same weight are joined. If an assignment begins where its
+    block begins, it is extended to the first step of the problem. If it ends where its block ends,
+    it is extended to the last step.
     """
     steps = states.problem.steps
     used = np.flatnonzero(weights)
@@ -123,7 +132,7 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 
 
 def _estimates(states: States, number: Ints) -> Ints:
-    """Return the number of the estimate of each node that has column slots.
+    """Return the index of the estimate of each column that has slots, (nodes,).
 
     Columns of transposed blocks are true objects, which have one pair each and no slots.
     """
@@ -140,10 +149,10 @@ def make_warm_start(
 ) -> WarmStart:
     """Build a warm start from the assignments of neighbours, and shares of their prices.
 
-    The weight of a state is the weight of its pair at its first step. The price of a slot is the
-    sum of the prices of its estimate at its steps. How prices are spread over a slot has no
-    meaning. `origin` has the numbers of the true objects, estimates and steps of this problem in
-    the saved ones; by default they are the same.
+    The weight of a state is the saved weight of its pair at its first step. The price of a slot is
+    the sum of the saved prices of its estimate at the steps of the slot; how prices are spread over
+    these steps has no meaning. `origin` has the indices that the true objects, estimates and steps
+    of this problem have in the saved ones; by default they are the same.
     """
     problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
     same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))
@@ -172,7 +181,7 @@ def _feasible(states: States, weights: Floats) -> Floats:
     pair = states.pair[used]
     full = np.zeros(len(states.block_begin), bool)
     for node in (states.pair_row[pair], states.pair_column[pair]):
-        # Runs that end sort before runs that begin at the next step.
+        # The end of an assignment sorts before a begin at the next step.
         moment = np.concatenate((begin * np.int64(2) + 1, end * np.int64(2) + 2))
         change = np.concatenate((weights[used], -weights[used]))
         whose = np.concatenate((node, node))

@@ -394,11 +394,9 @@ class Conversion:
                 f"{option('unit_scale')} is for lengths, and lat,lon are degrees; give a column a "
                 f"factor with {option('estimate_scale', 'alt=0.3048')}"
             )
+        angles = columns[1:] if columns[:2] == ("range", "bearing") else self.angles
         return np.array(
-            [
-                own.get(name, 1.0) * (1.0 if name in self.angles else self.unit_scale)
-                for name in columns
-            ]
+            [own.get(name, 1.0) * (1.0 if name in angles else self.unit_scale) for name in columns]
         )
 
     def __call__(self, side: Trajectories, name: str) -> Trajectories:

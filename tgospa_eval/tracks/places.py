@@ -220,8 +220,8 @@ class Frames:
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
         """Convert both sides to one frame: local metres if a side is local, else degrees, heights.
 
-        Heights are part of the states if both sides have them. If only one side has heights,
-        leaving them out may move positions sideways, and a warning states the largest error.
+        Heights are part of the states if both sides have them. If only one side has heights, a
+        warning says so. Leaving them out may move positions sideways: it states the largest error.
 
         Raises
         ------
@@ -241,12 +241,16 @@ class Frames:
     def _loss(
         self, sides: tuple[Trajectories, Trajectories], names: Sequence[str]
     ) -> Notice | None:
-        """Return a warning if one side has heights and the other is local without heights."""
+        """Return a warning if one side has heights and the other has none."""
         for k, (side, frame) in enumerate(zip(sides, self.frames, strict=True)):
             local = self.frames[1 - k]
-            is_high = frame.kind == "earth" and len(side.columns) > 2 and len(side.state)
-            if self.begin is None or not is_high or local.kind not in ("local", "polar"):
+            if len(side.columns) < 3 or not len(side.state):
                 continue
+            if self.begin is None or frame.kind != "earth" or local.kind not in ("local", "polar"):
+                return Notice(
+                    code="heights-left-out",
+                    text=f"heights are not compared: only {names[k]} has them ({side.columns[2]})",
+                )
             flat = self._converted(side.state[:, :2], frame, 2)
             true = self._converted(side.state, frame, 3)
             compared = true if local.kind == "polar" else true[:, :2]

@@ -16,7 +16,16 @@ from hypothesis import strategies as st
 
 from tgospa_eval.campaign import solver_runs
 from tgospa_eval.campaign.solver_runs import contradictions, errors, referee
-from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
+from tgospa_eval.common.interval import (
+    Interval,
+    equal,
+    excess,
+    less,
+    narrowest,
+    overlap,
+    places,
+    verdict,
+)
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.results.records import Json
@@ -58,6 +67,9 @@ def test_places_are_those_that_are_proven() -> None:
     assert places([bracket(1, 1), bracket(2, 2), bracket(1, 1)]) == [(1, 1), (3, 3), (1, 1)]
     assert places([bracket(1, 2), bracket(1, 2)]) == [(1, 2), (1, 2)]
     assert places([bracket(1, 2), bracket(1, 2)], lambda *_: True) == [(1, 1), (1, 1)]
+    # nearer than 1e-9: equal, although one is surely smaller
+    near = bracket(1 - 1e-10, 1 - 1e-10), bracket(1, 1)
+    assert (verdict(*near), places(near)) == ("equal", [(1, 1), (1, 1)])
 
 
 # --- solvers --------------------------------------------------------------------------------------
@@ -311,6 +323,40 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     assert r"estimate & RMS-TGOSPA & local. & missed & false & switch \\" in latex
     assert rf"a & \textbf{{{(5 / 3) ** 0.5:.4f}}}" in latex
     assert r"b & \underline{" in latex
+
+
+@pytest.mark.parametrize(("a", "pairs"), [([1] * 7, 1), ([1, 2, 3, 4, 5, 6, 6], 6)])
+def test_copies_of_a_run_count_once(
+    write: Write, invoke: Invoke, tmp_path: Path, a: list[int], pairs: int
+) -> None:
+    for tracker, more in (("a", 0), ("b", 1)):
+        (tmp_path / tracker).mkdir()
+        for run, error in enumerate(a):
+            write(f"{tracker}/{run}.csv", track(error / 2, error + more, 0))
+    metric = "-c", "90", "-g", "1", "-q", "--format", "json"
+    folder, truth = tmp_path.as_posix(), write("t.csv", TRUTH)
+    one = invoke("compare", truth, f"{folder}/a/*.csv", f"{folder}/b/*.csv", *metric)
+    compared = json.loads(one.out)
+    assert [item["code"] for item in compared["warnings"]].count("copies") == 2
+    assert all(bool(item["confidence"]) is (pairs > 1) for item in compared["estimates"])
+    assert (compared["pairs"][0]["per_run"]["standard_error"] is None) is (pairs == 1)
+    estimate = "--estimate", f"{folder}/{{tracker}}/{{run}}.csv", "-o", f"{folder}/s"
+    batch = invoke("batch", "--truth", truth, *estimate, "--by", "tracker", "--per-step", *metric)
+    assert f"warning: {7 if pairs == 1 else 2} runs of b are copies of one" in batch.out
+    document = json.loads(batch.out)
+    (pair,) = document["comparisons"]
+    p_value = 2 / 2**pairs if pairs > 1 else None
+    assert (pair["pairs"], pair["p_value"], compared["pairs"][0]["p_value"]) == (
+        pairs,
+        p_value,
+        p_value,
+    )
+    for name in ("ranking", "groups"):
+        each = [item.get("confidence_upper", item.get("confidence")) for item in document[name]]
+        assert [bool(value) for value in each] == [pairs > 1] * 2
+    assert all(
+        (p["band_low"] is None) is (pairs == 1) for c in document["curves"] for p in c["points"]
+    )
 
 
 def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:

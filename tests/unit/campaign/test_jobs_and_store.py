@@ -9,6 +9,7 @@ from answer import Write
 from stored import settings_of, stored_row
 
 from tgospa_eval import ConfigError, InputError
+from tgospa_eval.api.options import FLAGS
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.campaign.sums import tabulated
@@ -121,6 +122,17 @@ def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> No
         jobs.of_layout("motchallenge", "none", "[t]")
 
 
+OPTIONS = {key.replace("-", mark) for key in FLAGS for mark in "-_"}
+
+ALMOST_OPTIONS = (
+    *((name, "cutoff") for name in ("c", "Cutoff", "cut-off", "cutoff ", "cutof", "cotoff")),
+    *((name, "switch-penalty") for name in ("g", "gamma", "switchpenalty", "switch penalty",
+                                            "SWITCH-PENALTY", "swich-penalty")),
+    ("P", "order"),
+    ("Truth_Class", "truth-class"),
+)  # fmt: skip
+
+
 def test_manifest(tree: Path, write: Write) -> None:
     path = write(
         "m.csv",
@@ -129,10 +141,18 @@ def test_manifest(tree: Path, write: Write) -> None:
     plan = jobs.of_manifest(path, {"cutoff"})
     (job,) = plan.jobs
     assert (dict(job.labels), dict(job.options)) == ({"run": "1"}, {"cutoff": "5"})
-    assert plan.faults == (f"{path}, line 3: there is no file {tree / 'none.csv'}",)
+    assert plan.faults == (f"{path}, line 3: {tree / 'none.csv'} does not exist",)
     for text, message in (
         ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
         ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
+        ("truth,estimate,run\n", "m.csv: has no jobs, only a header; add a line for each job"),
+        *(
+            (
+                f"truth,estimate,{name}\na,b,1\n",
+                f'column "{name}" is not an option; did you mean {meant}\\?',
+            )
+            for name, meant in ALMOST_OPTIONS
+        ),
         ("truth,estimate,run\na,b," + "x" * 200_000, "line 2: field larger than field limit"),
         (
             "truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2,
@@ -140,7 +160,13 @@ def test_manifest(tree: Path, write: Write) -> None:
         ),
     ):
         with pytest.raises(InputError, match=message):
-            jobs.of_manifest(write("m.csv", text), ())
+            jobs.of_manifest(write("m.csv", text), OPTIONS)
+    labels = "confirm,c1,instance,iteration,sample,step"
+    row = "gt/s1.csv,out/a/s1.csv, 1 ,2,3,4,5,6\n"
+    (job,) = jobs.of_manifest(write("m.csv", f"truth,estimate,{labels}\n{row}"), OPTIONS).jobs
+    assert dict(job.labels) == dict(zip(labels.split(","), "123456", strict=True))
+    (fault,) = jobs.of_manifest(write("m.csv", "truth,estimate\ngt,out/a/s1.csv\n"), ()).faults
+    assert fault.endswith(f"m.csv, line 2: {tree / 'gt'} is a folder; batch takes files")
 
 
 def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:

@@ -99,6 +99,35 @@ def test_solvers_may_differ(save: Save, invoke: Invoke) -> None:
     assert {"solver", "unit", "gap"} & found["parameters"].keys() == {"gap"}
 
 
+def test_periods_stand_with_their_estimates(write: Write, save: Save, invoke: Invoke) -> None:
+    """A ranking on a common clock has no period of its own, whichever estimate is the first."""
+    clock = ("--resample", "1", "--max-gap", "2")
+    rows = "".join(f"7,{t},0\n" for t in range(0, 9, 2))
+    paths = write("a.csv", track(*[1] * 9)), write("b.csv", f"id,t,x\n{rows}")
+    write("t.csv", truth := track(*[0] * 9))
+
+    def periods(document: Any) -> Any:
+        items = document["estimates"]
+        own = {item["name"]: item["runs"][0]["parameters"].get("period") for item in items}
+        return own, document["parameters"].get("period")
+
+    for files in (paths, paths[::-1]):
+        asked = (*files, "-c", "5", "-g", "1", *clock)
+        assert periods(ranking(invoke, "t.csv", *asked)) == ({"a": 1, "b": 2}, None)
+        assert "clock: b 2, a 1" in " ".join(invoke("compare", "t.csv", *asked, "-q").out.split())
+        found = ranking(invoke, "t.csv", *asked, "--period", "2")
+        assert periods(found) == ({"a": 2, "b": 2}, 2)
+    write("m.csv", "truth,estimate,tracker\nt.csv,a.csv,a\nt.csv,b.csv,b\n")
+    folder = ("m.csv", "-c", "5", "-g", "1", *clock, "--by", "tracker", "-q", "-o", "store")
+    assert "clock: a 1, b 2" in " ".join(invoke("batch", *folder).out.split())
+    assert ">a 1, b 2<" in Path("store/report.html").read_text(encoding="utf-8")
+    save("one", f"id,t,x\n{rows}", *clock, "--period", "1", truth=truth)
+    save("two", f"id,t,x\n{rows}", *clock, "--period", "2", truth=truth)
+    found = ranking(invoke, "one", "two")  # the same data, and both values are right
+    assert periods(found) == ({"two": 2, "one": 1}, None)
+    assert found["pairs"][0]["verdict"] == "less"
+
+
 def test_runs(save: Save, invoke: Invoke) -> None:
     """Errors 1 and 3 at one of three steps against 4: means of totals 5 and 16."""
     for run, error in (("1", 1), ("2", 3)):
@@ -184,8 +213,9 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 
 
 NO_RANKING = (
-    (["moved"], "no order: not judged on the same truth (a, a/result.json: 3 "),
-    (["wide"], "a/result.json: cutoff is 6.0, not 5.0; switch_penalty is 2.0, not 1.0"),
+    (["moved"], "no order: the ground truth of moved, moved/result.json, has other states or ids"),
+    (["other"], "than that of a/result.json; evaluate all estimates on the same ground truth\n"),
+    (["wide"], "a/result.json: cutoff is 6.0, but 5.0 there; switch_penalty is 2.0, but 1.0"),
     (["a.csv"], "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
     (["none"], "none: is not a saved result, but a is"),
     (["baseline.json"], "baseline.json: is not a saved result, but a is"),
@@ -199,6 +229,7 @@ NO_RANKING = (
 
 def test_what_cannot_be_ranked(save: Save, write: Write, invoke: Invoke) -> None:
     save("moved", track(0, 1, 0), truth=TRUTH.replace("1,2,0", "1,2,0.5"))
+    save("other", track(0, 1, 0), truth=TRUTH.replace("\n1,", "\n9,"))
     save("wide", track(0, 2, 0), "-c", "6", "-g", "2")
     for name in ("a", "b"):
         save(name, track(0, 1, 0))
@@ -219,6 +250,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
         "no order: not judged on the same steps and truth (a, a/result.json: 3 truth states at 3 "
         "of 3 steps; early, early/result.json: 1 truth state at 1 of 1 step)"
     ) in answer.err
+    assert "common clock" in answer.err
 
 
 NOTICE = {"code": "a", "text": "b", "remedy": "c"}

@@ -295,6 +295,15 @@ def test_only_common_jobs_are_compared() -> None:
     assert tabulated(rows.drop([8, 9]), ["tracker"]).groups["expected"].tolist() == [8, 8, 8]
     # Sequences are no trackers: one of them is not expected to have the jobs of another.
     assert tabulated(rows.drop([8, 9]), ["sequence"]).groups["expected"].tolist() == [3] * 8
+    # The truth of a sequence is not the same for all: each tracker still has all of its jobs.
+    rows.loc[9, "truth"] = "other/s1"
+    tables = tabulated(rows[:16], ["tracker"])
+    assert (only(tables).jobs, only(tables).all_jobs) == (7, 8)
+    assert tables.groups["expected"].tolist() == [8, 8]
+    assert tables.notes == (
+        "warning: 1 job of each tracker cannot be compared, as the truth is not the same: "
+        "gt/s1 of a and other/s1 of b",
+    )
 
 
 def test_parameters_are_ranked_apart() -> None:
@@ -347,6 +356,11 @@ def test_other_parameters_are_other_groups_too() -> None:
     ("rows", "by", "note"),
     [
         (table({"a": A, "b": B}), "sequence", "sequence is not ranked: no truth has a job"),
+        (
+            pd.DataFrame([job("a", "1", 1.0), job("b", "01", 2.0, truth="gt/1")]),
+            "tracker",
+            "no sequence has a job for each value of tracker; a has sequence=1, b does not",
+        ),
         (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
         (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
     ],
@@ -459,7 +473,11 @@ def test_a_label_may_be_called_like_a_column() -> None:
 
 
 def test_open_jobs_are_counted() -> None:
-    rows = pd.concat([table({"a": A}, width=1.0, certified=False), table({"b": A})])
-    tables = tabulated(rows.reset_index(drop=True), ["tracker"])
-    assert "8 jobs did not reach the requested accuracy" in words(tables)
-    assert "accuracy" not in words(tabulated(table({"b": A}), ["tracker"]))
+    for status, count in (("open", 8), ("done", 0)):  # a solver may be done without a proof
+        wide = table({"a": A}, width=1.0, certified=False, status=status)
+        rows = pd.concat([wide, table({"b": A})]).reset_index(drop=True)
+        tables = tabulated(rows, ["tracker"])
+        assert tables.groups["open"].tolist() == [count, 0]
+        assert ("8 jobs did not reach the requested accuracy" in words(tables)) is (count > 0)
+        assert "values are between the proven bounds" in words(tables)
+    assert "proven bounds" not in words(tabulated(table({"b": A}), ["tracker"]))

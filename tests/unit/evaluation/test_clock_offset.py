@@ -1,6 +1,7 @@
 """The offset of the clock of an estimate: found where the scene determines it, else nothing."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -248,3 +249,88 @@ def test_an_offset_beside_a_bias(count: int, invoke: Run, write: Write) -> None:
         inside += abs(said["time_offset"] + offset) <= said["uncertainty"] * 1.001
     assert named > count / 2
     assert inside >= 0.95 * named - 0.5
+
+
+def remedied(invoke: Run, files: tuple[str, str], *metric: str) -> tuple[str, float, float]:
+    """Return the options that the warning names, and the missed states without and with them."""
+    done = invoke(*files, *metric)
+    named = re.search(r"or use (--[^.]*(?:\.\d+[^.]*)*)\. Do not", done.err)
+    assert named is not None, done.err
+    answer = invoke(*files, *metric, *named[1].split(), "-q", "--format", "json")
+    shares = (
+        json.loads(out)["counts"]["missed"]
+        for out in (invoke(*files, *metric, "-q", "--format", "json").out, answer.out)
+    )
+    return named[1], *shares
+
+
+WAVES = [
+    (i, k, 40 * i + 3 * k, 30 * i + 8 * np.sin(k / 3 + i)) for i in range(3) for k in range(30)
+]
+NOISY = [
+    (i, k, x + 0.6 * np.sin(7 * k + i), y + 0.6 * np.cos(5 * k + 2 * i)) for i, k, x, y in WAVES
+]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "options"),
+    [
+        ((lambda k: k, lambda k: k * 1000), "--time-scale 0.001"),
+        ((lambda k: round(0.1 * k, 1), lambda k: k * 100), "--time-scale 0.001"),
+        ((lambda k: k, lambda k: (k + 2) * 1000), "--time-scale 0.001 --time-offset -2"),
+        (
+            (lambda k: 10**17 + 10**8 * k + 37 * (k % 27), lambda k: 10**14 + 10**5 * k),
+            "--time-scale 1000 --time-tolerance 1000",
+        ),
+        ((lambda k: k, lambda k: k + 5.25), "--time-offset -5.25"),
+    ],
+    ids=["milliseconds", "tenths", "late", "truncated", "offset"],
+)
+def test_the_remedy_joins_the_steps(
+    invoke: Run, write: Write, stamps: tuple[Callable[[int], Any], ...], options: str
+) -> None:
+    """Errors look like a small shift, which would leave no step in both files."""
+    files = (
+        write(f"{n}.csv", "\n".join(("id,t,x,y", *(f"{i},{at(k)},{x},{y}" for i, k, x, y in rows))))
+        for n, at, rows in zip("te", stamps, (WAVES, NOISY), strict=True)
+    )
+    named, before, after = remedied(invoke, tuple(files), "-c", "10", "-g", "5")
+    assert named == options
+    assert (before > 80, after) == (True, 0)
+
+
+def test_stamps_that_never_meet_are_interpolated(invoke: Run, write: Write) -> None:
+    between = [(i, 1.3 * k + 0.11) for i in range(3) for k in range(22)]
+    rows = [(i, t, 40 * i + 3 * t, 30 * i + 8 * np.sin(t / 3 + i)) for i, t in between]
+    files = (
+        write("t.csv", "\n".join(("id,t,x,y", *(f"{i},{k},{x},{y}" for i, k, x, y in WAVES)))),
+        write(
+            "e.csv", "\n".join(("id,t,x,y", *(f"{i},{t + 7:.3f},{x},{y}" for i, t, x, y in rows)))
+        ),
+    )
+    named, _, after = remedied(invoke, files, "-c", "5", "-g", "2")
+    assert named.endswith("--interpolate truth --max-gap 5")
+    assert after == 0
+
+
+def test_near_stamps_are_counted_as_the_option_joins_them(invoke: Run, write: Write) -> None:
+    """No double is 0.01 more than most of these."""
+    files = (
+        write("t.csv", "id,t,x\n" + "".join(f"1,{k},{3 * k}\n" for k in range(1, 31))),
+        write("e.csv", "id,t,x\n" + "".join(f"1,{k}.01,{3 * k}\n" for k in range(1, 31))),
+    )
+    told = invoke(*files, "-c", "10", "-g", "5").err
+    assert "30 pairs of timestamps are nearly the same, at most 0.01 apart" in told
+    assert "--time-tolerance 0.01 makes each pair one step\n" in told
+
+
+def test_times_of_another_column_are_proposed_where_both_have_it(invoke: Run, write: Write) -> None:
+    rows = [(k, 1772366400 + k / 10, 3 * k) for k in range(1, 9)]
+    files = (
+        write("t.csv", "frame,timestamp,id,x\n" + "".join(f"{k},{t},1,{x}\n" for k, t, x in rows)),
+        write("e.csv", "frame,id,x\n" + "".join(f"{k},1,{x}\n" for k, _, x in rows)),
+    )
+    told = invoke(*files, "-c", "10", "-g", "5").err
+    assert "; --truth-columns t=frame reads both times from columns of one name" in told
+    assert "--time-scale" not in told
+    assert "8 of 8 steps" in invoke(*files, "-c", "10", "--truth-columns", "t=frame").err

@@ -38,7 +38,7 @@ STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
     "km": ("unit-scale", lambda x: x / 1000, "1000 times too small"),
     "m": ("unit-scale", lambda x: x * 1000, "1000 times too large"),
     "feet": ("unit-scale", lambda x: x / 0.3048, "3.28084 times too large"),
-    "swapped": ("axis-swap", lambda x: x[:, ::-1], "estimate_columns=('x=HEADER', 'y=HEADER')"),
+    "swapped": ("axis-swap", lambda x: x[:, ::-1], "; write both files in the same axes"),
     "turned": ("axis-swap", lambda x: x[:, ::-1] * [1, -1], "with x negated"),
     "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated; "),
     "image": (
@@ -112,9 +112,16 @@ def test_sides() -> None:
     assert codes(none, none) == ["empty-side", "empty-side"]
     detections = replace(one, track=np.arange(4), ids=np.array(["1", "2", "3", "4"], object))
     assert codes(one, detections) == ["single-rows"]
+    for period in (1, 2):  # a report that holds at two steps is one report
+        clock = {"resample": 1, "max_gap": 2, "period": period}
+        with pytest.warns(TgospaWarning, match="every id of the estimate has a single row"):
+            evaluate(one, detections, 2.0, **clock)
     assert codes(one, moved(one, lambda x: x + 1000.0)) == ["nothing-near"]
     two = Trajectories.from_array(np.zeros((2, 2, 2)))
-    assert codes(two, replace(two, ids=np.array(["7", "7.0"], object))) == ["id-types"]
+    for ids in (["7", "7.0"], ["7", "07"], ["07", "7.00"], ["0", "00"], ["007", "07"]):
+        assert codes(two, replace(two, ids=np.array(ids, object))) == ["id-types"]
+    for ids in (["7", "70"], ["07", "08"], ["0", "1"], ["7", "7.5"], ["0", "0x0"]):
+        assert not codes(two, replace(two, ids=np.array(ids, object)))
 
 
 def test_near_by_chance(sample: Sides) -> None:

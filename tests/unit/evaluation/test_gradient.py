@@ -217,3 +217,15 @@ def test_clouds_that_data_change_have_none() -> None:
         result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance=distance)
         with pytest.raises(ConfigError, match=message):
             result.gradient()
+
+
+def test_states_are_those_that_are_evaluated() -> None:
+    """In the unit of the truth: a scaled estimate has the gradient of its scaled states."""
+    truth = np.cumsum(np.full((6, 2, 2), 30.0), axis=0)
+    table = pd.DataFrame({"id": 1, "t": range(6), "x": 30.0 + 30 * np.arange(6), "y": 31.0})
+    scaled = table.assign(x=table["x"] / 1000, y=table["y"] / 1000)
+    metric = {"cutoff": 300.0, "switch_penalty": 10.0}
+    plain = evaluate(truth, table, **metric).gradient()
+    other = evaluate(truth, scaled, **metric, unit_scale=1000).gradient()
+    assert np.abs(plain.total).max() > 1
+    assert other.total == pytest.approx(plain.total)

@@ -133,6 +133,7 @@ def zipped(name: str, content: bytes) -> bytes:
             zipped("xl/sheet1.xml", b"<x/>"),
             '"xl/sheet1.xml" in it is not an array; .* as CSV',
         ),
+        ("a.npz", b"id,t,x,y\n1,2,3,4\n", "a readable npz file; numpy.savez writes one"),
         ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
         (
             "a.npz",

@@ -105,6 +105,8 @@ def changed(spread: Any) -> dict[str, Any]:
     ("fields", "message"),
     [
         (SQUARE, "P may be d x d x T x n or d x d x n x T; name it P_ddTn or P_ddnT"),
+        ({"x": STATES[:3]}, "d x n x T or T x n x d; name it x_dTn or x_dnT or x_Tnd, or save t"),
+        ({"x": STATES[:3].T, "id": [1, 2, 3]}, "name it x_dTn or x_dnT or x_Tnd|"),
         ({"x": STATES.T, "P": SPREADS.T}, "name it x_dTn or x_dnT, or save t and id with it"),
         (
             {"x": STATES, "t": np.arange(9)},
@@ -134,7 +136,7 @@ def test_what_is_refused(tmp_path: Path, fields: dict[str, Any], message: str) -
     path = written(tmp_path / "a.mat", fields, "structure")
     with pytest.raises(InputError) as caught:
         read(path, ReadOptions(covariance=True, clouds=True))
-    assert message in str(caught.value)
+    assert message in f"{caught.value}|"
     if not {"x_dTn", "states"} & fields.keys() and "t" in fields and "do not" not in message:
         with pytest.raises(InputError, match="estimate"):  # the same in memory
             evaluate(STATES, fields, distance="gaussian-wasserstein", mixed="moments")

@@ -17,6 +17,7 @@ from rows import PLAIN, SAME, refusal, rows_of
 
 from tgospa_eval import InputError, Trajectories, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats.options import parse_where
 from tgospa_eval.formats.text import lines
 
 
@@ -111,6 +112,19 @@ def test_decimal_mark_of_the_numbers(write: Write, text: str, asked: str, said: 
 )
 def test_decimal_marks_in_doubt(write: Write, text: str) -> None:
     assert 'decimal=","' in refusal(write("a.csv", text))[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "doubtful"), [("1.234", True), ("1.23", False), ("0.234", False), ("1234", False)]
+)
+def test_thousands_marks_in_doubt(write: Write, x: str, doubtful: bool) -> None:
+    path = write("a.csv", f"id;t;x;conf\na;1;{x};0,95\na;2;{x};0,5\n")
+    assert ("thousands" in [one.code for one in read(path).warnings]) is doubtful
+    tests = parse_where("conf >= 0.6", "estimate_where")
+    with pytest.raises(InputError, match="write decimal points, or use decimal"):
+        read(path, ReadOptions(where=tests))
+    if x == "1234":
+        assert read(path, ReadOptions(where=tests, decimal=",")).taken == 1
 
 
 def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:

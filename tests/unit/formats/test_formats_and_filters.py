@@ -675,6 +675,37 @@ def test_a_filter_by_class_holds_where_there_are_classes(invoke: Run, write: Wri
     assert (done.status, f'--truth-class "van": no row of {truth}' in done.err) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("truth", "estimate", "missed", "said"),
+    [
+        ("Car", "CAR", 0, 'e.csv: class "CAR" is read as "Car"'),
+        ("1", "1.0", 0, 'e.csv: class "1.0" is read as "1"'),
+        ("1", "01", 0, 'e.csv: class "01" is read as "1"'),
+        ("car", "vehicle.car", 1, "its classes vehicle.car are not in the truth, which has car"),
+    ],
+)
+def test_by_class_knows_the_spellings_that_class_knows(
+    invoke: Run, write: Write, truth: str, estimate: str, missed: int, said: str
+) -> None:
+    sides = [write(f"{k}.csv", f"id,t,x,class\na,1,0,{name}\n") for k, name in
+             (("t", truth), ("e", estimate))]  # fmt: skip
+    answer = invoke(*sides, "--by", "class", "--format", "json")
+    assert json.loads(answer.out)["counts"]["missed"] == missed
+    assert said in answer.err
+    if not missed:
+        one = json.loads(invoke(*sides, "--class", truth, "--format", "json").out)
+        assert one["counts"]["missed"] == 0
+
+
+def test_classes_that_only_one_side_has(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,class\na,1,0,Car\nb,1,50,Bus\n")
+    estimate = write("e.csv", "id,t,x,class\na,1,0,Car\nc,1,9,car\nb,1,50,van\n")
+    answer = invoke(truth, estimate, "--by", "class", "--format", "json")
+    assert json.loads(answer.out)["counts"]["missed"] == 1
+    assert 'class "car" is as written, another class than "Car"' in answer.err
+    assert "no car, van in the truth, and no Bus here" in answer.err
+
+
 def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Path) -> None:
     truth = write("t.csv", "id,t,x,class\na,1,0,Car\nb,1,50,Van\n")
     estimate = write("e.csv", "id,t,x,class\na,1,0,CAR\nb,1,50,bus\n")

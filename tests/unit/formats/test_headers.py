@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from answer import Write
 from rows import PLAIN, SAME, refusal, rows_of
 
-from tgospa_eval import ConfigError, read_trajectories
+from tgospa_eval import ConfigError, InputError, evaluate, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
 
 
@@ -42,7 +43,7 @@ def test_usual_headers(write: Write, header: str) -> None:
     [
         ("id,stamp,ts,x", '"stamp" and "ts" may both be t; choose one, columns=(\'t=ts\','),
         ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; choose one, columns=('),
-        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; choose one, columns=(\'id=track\','),
+        ("uuid,track,t,x", '"uuid" and "track" may both be id; choose one, columns=(\'id=track\','),
         ("id,Time,TIME,x", '"Time" and "TIME" may both be t'),
     ],
 )
@@ -179,11 +180,57 @@ def test_scores_are_no_ids(write: Write, header: str) -> None:
         ("device_id,t,target,x,y", "id="),
         ("id,t,px,py,e,n", "x=px"),
         ("id,t,my_east,my_north,z", "x=my_east"),
+        ("id,t,my_lat,my_lon", "('lat=my_lat', 'lon=my_lon')"),
+        ("id,t,qx,qy,qz,qw,tx_m,ty_m", "x=tx_m"),
+        ("id,t,ax,ay,dx,dy,omega_x,omega_y,px,py", "x=px"),
+        ("id,t,dx,dy,rot_x,rot_y,goal_x,goal_y,xx,yy", "x=xx"),
+        ("id,t,orientation_x,orientation_y,translation_x,translation_y", "x=translation_x"),
+        ("id,t,foo_x,foo_y,x1,y1", "('x=HEADER', 'y=HEADER'); positions may be foo_x,foo_y or x1"),
+        ("id,t,fx,fy,length_x,length_y", "('x=HEADER', 'y=HEADER')"),
+        ("frame,category_id,sensor_id,team_id,detection_id,trajectory,x,y", "('id=trajectory',)"),
+        ("frame,camera_id,object_type,is_valid,x,y", "('id=HEADER',)"),
+        ("time,callsign,flight,lat,lon,track", "('id=callsign',); if \"track\" is not a direction"),
+        ("time,lat,lon,altitude,speed,track", "('id=HEADER',)"),
     ],
 )
 def test_what_may_be_something_else_is_asked_for(write: Write, header: str, meant: str) -> None:
     row = ",".join(map(str, range(2, 3 + header.count(","))))
     assert meant in refusal(write("a.csv", f"{header}\n{row}\n"))[0]
+
+
+def test_a_table_of_both_sides(write: Write) -> None:
+    path = write("a.csv", "id,t,x_gt,y_gt,x_est,y_est\n1,1,0,0,1,1\n")
+    with pytest.raises(InputError, match=r"truth_columns=\('x=x_gt', 'y=y_gt'\)"):
+        evaluate(path, path, 2, 2, 1)
+    with pytest.raises(InputError, match=r"rename\(columns={'x_est': 'x', 'y_est': 'y'}\)"):
+        evaluate(write("b.csv", PLAIN), pd.read_csv(path), 2, 2, 1)
+    assert "positions may be x_gt,y_gt or x_est,y_est" in refusal(path)[0]
+
+
+def test_columns_of_several_levels(write: Write) -> None:
+    path = write("a.csv", PLAIN)
+    table = pd.read_csv(path)
+    levels = zip([1, 1, "pos", "pos"], table.columns, strict=True)
+    table.columns = pd.MultiIndex.from_tuples([*levels])
+    with pytest.raises(
+        InputError, match=r"have 2 levels; join the levels, table\.columns = "
+    ) as caught:
+        evaluate(path, table, 2, 2, 1)
+    exec(str(caught.value).split("levels, ")[1], {"table": table})
+    named = {"id": "1_id", "t": "1_t", "x": "pos_x", "y": "pos_y"}
+    columns = [f"{name}={header}" for name, header in named.items()]
+    assert evaluate(path, table, 2, 2, 1, estimate_columns=columns).total == 0
+
+
+def test_a_track_of_an_aircraft_is_a_direction(write: Write) -> None:
+    path = write("a.csv", "time,icao24,lat,lon,track\n0,a,55,12,90\n1,a,55,12,91\n")
+    reading = read(path)
+    assert list(reading.trajectories.ids) == ["a"]
+    said = 'id is read from "icao24", not from "track"; columns=(\'id=track\',) reads that'
+    assert said in reading.notices
+    assert list(read_trajectories(path, columns=("id=track",)).ids) == ["90", "91"]
+    radar = write("b.csv", "time,track,lat,lon,speed,course\n0,1,55,12,90,80\n")
+    assert list(read_trajectories(radar).ids) == ["1"]
 
 
 def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:

@@ -315,7 +315,7 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
         "truth,estimate,run\na.mat,a.mat:Y{2},1\na.mat:X,b.mat:Y{1},2\nc.mat,a.mat:Y{1},3\n"
     )
     answer = invoke(*asked, "m.csv", "-o", "m")
-    assert (answer.status, "line 4: there is no file c.mat" in answer.err) == (2, True)
+    assert (answer.status, "line 4: c.mat does not exist" in answer.err) == (2, True)
     answer = invoke(*asked, "m.csv", "-o", "m", "--allow-missing", "--by", "run")
     totals = [group["total"] for group in json.loads(answer.out)["groups"]]
     assert totals == pytest.approx([16, 4])
@@ -463,7 +463,7 @@ def test_cells_of_arrays_are_runs(tmp_path: Path) -> None:
     total = evaluate(f"{path}:X", f"{path}:Y{{3}}", 10).total
     assert total == pytest.approx(7 * 3 * 8)
     savemat(tmp_path / "b.mat", {"X": BOTH, "Y": cell})
-    with pytest.raises(InputError, match="x may be d x T x n or d x n x T; name it x_dTn or x_dnT"):
+    with pytest.raises(InputError, match="d x n x T or T x n x d; name it x_dTn or x_dnT"):
         read(f"{tmp_path}/b.mat:Y{{3}}")
     savemat(tmp_path / "b.mat", {"X": BOTH, "x_dTn": cell})
     assert len(read(f"{tmp_path}/b.mat:x_dTn{{3}}").trajectories.times) == 7

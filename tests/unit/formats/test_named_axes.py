@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import InputError, Trajectories, compare, evaluate
+from tgospa_eval import ConfigError, InputError, Trajectories, compare, evaluate
 
 GIVEN: dict[str, Any] = {"cutoff": 10.0, "switch_penalty": 5.0}
 
@@ -50,6 +50,15 @@ def made(request: pytest.FixtureRequest) -> Any:
         array=lambda values, dims, coords: xarray.DataArray(values, dims=dims, coords=coords),
         dataset=lambda variables, coords: xarray.Dataset(variables, coords=coords),
     )
+
+
+def test_units_in_attributes() -> None:
+    truth, estimate = (Array(a, ("time", "object", "state"), {}) for a in scene())
+    for side, unit in ((truth, "m"), (estimate, "km")):
+        side.attrs = {"units": unit}  # type: ignore[attr-defined]
+    with pytest.raises(ConfigError, match='use estimate_scale="x=1000,y=1000"'):
+        evaluate(truth, estimate, **GIVEN)
+    evaluate(truth, estimate, **GIVEN, estimate_scale="x=1000,y=1000")
 
 
 def scene() -> tuple[np.ndarray, np.ndarray]:

@@ -16,9 +16,16 @@ import pandas as pd
 import pytest
 from answer import Invoke, Write
 
-from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
+from tgospa_eval import (
+    Result,
+    Trajectories,
+    __version__,
+    evaluate,
+    read_trajectories,
+    simulate,
+)
 from tgospa_eval.results.records import Columns
-from tgospa_eval.show.result_text import REPORTS
+from tgospa_eval.show.result_text import REPORTS, explanation_document
 from tgospa_eval.show.table_text import csv_text
 
 Pair = tuple[str, str]
@@ -84,7 +91,10 @@ def test_keys_of_the_json(sample: Result) -> None:
     assert document["schema"] == "tgospa-eval/result/1"
     assert document["version"] == __version__
     assert set(document["counts"]) == {"missed", "false", "switch"}
-    assert set(document["normalised"]) == {"tgospa", "per_object"}
+    ends = ("lower_bound", "upper_bound")
+    assert set(document["normalised"]) == {"tgospa", "per_object"}.union(
+        ends, (f"per_object_{end}" for end in ends)
+    )
     assert set(document["sizes"]) == {
         "truth", "estimates", "steps", "candidate_pairs", "pair_steps", "components",
     }  # fmt: skip
@@ -334,6 +344,31 @@ def test_csv_is_per_step(sample: Result) -> None:
     assert total(rows, "total") == pytest.approx(sample.total, rel=1e-12)
 
 
+def test_values_that_are_not_exact_are_ranges() -> None:
+    """Per step and per object too, in all reports."""
+    truth, estimate = simulate(targets=12, steps=30, seed=3, area=60.0, noise=3.0)
+    options = {"solver": "sinkhorn", "epsilon": 0.9, "gap": 0.5}
+    result = evaluate(truth, estimate, 10.0, 2, 5.0, **options)
+    assert not result.certified
+    each, low, high = result.normalised, result.lower_bound, result.upper_bound
+    assert each["lower_bound"] == pytest.approx(low / 30**0.5, rel=1e-12)
+    assert each["upper_bound"] == pytest.approx(high / 30**0.5, rel=1e-12)
+    assert each["lower_bound"] < each["tgospa"] <= each["upper_bound"]
+    step = f"{each['lower_bound']:.6g} to {each['tgospa']:.6g}"
+    per_object = f"{each['per_object_lower_bound']:.6g} to {each['per_object']:.6g}"
+    total = f"{result.total_bounds[0]:,.6g} to {result.total:,.6g}"
+    for name in ("table", "markdown", "latex"):
+        text = REPORTS[name](result)
+        assert f" {step}" in text
+        assert f" {per_object}" in text
+        assert name == "table" or total in text
+    short = f"{each['per_object_lower_bound']:.3g} to {each['per_object']:.3g}"
+    assert result.headline.endswith(f"TGOSPA per object and step {short}")
+    assert f"Per step {step}, per object and step {per_object}." in result.to_html()
+    lines = explanation_document(result.explain(1)).lines
+    assert any(line.startswith(f"total {total}, at the upper end: ") for line in lines)
+
+
 def test_markdown(sample: Result) -> None:
     lines = REPORTS["markdown"](sample).splitlines()
     assert "41.788 m" in lines[0]
@@ -412,7 +447,7 @@ def test_nothing_against_nothing(invoke: Invoke, write: Write, format_: str) -> 
         for name in ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", *PARTS):
             assert document[name] == 0
         assert document["certified"] is True
-        assert document["normalised"] == {"tgospa": 0}
+        assert document["normalised"] == {"tgospa": 0, "lower_bound": 0, "upper_bound": 0}
         assert set(document["counts"].values()) == {0}
         assert set(document["sizes"].values()) == {0}
         assert document["per_step"] == document["switches"] == []
@@ -496,7 +531,9 @@ def test_metrics_are_flat_numbers_of_the_json(known: Result) -> None:
         "certified": 1, "localisation": 6, "missed": 50, "false": 50, "switch": 4,
         "counts.missed": 1, "counts.false": 1, "counts.switch": 1,
         "normalised.tgospa": 27.5**0.5,
-        "normalised.per_object": (110 / known.evaluated_on.truth_states) ** 0.5,
+        "normalised.lower_bound": 27.5**0.5, "normalised.upper_bound": 27.5**0.5,
+        "normalised.per_object": (each := (110 / known.evaluated_on.truth_states) ** 0.5),
+        "normalised.per_object_lower_bound": each, "normalised.per_object_upper_bound": each,
     })  # fmt: skip
     assert "metrics" in dir(known)
 

@@ -38,6 +38,17 @@ def test_a_paragraph_says_what_was_computed() -> None:
         ({"grid": "truth"}, "steps of the ground truth, t"),
         ({"steps": "0:9"}, "10 steps of a chosen clock, t = "),
         ({"distance": "manhattan"}, "the manhattan distance of the states (x, y)"),
+        ({"interpolate": "estimate", "max_gap": 3}, "the 56 steps of the ground truth, t = 3"),
+        ({"interpolate": "truth", "max_gap": 3}, ". The ground truth was interpolated linearly"),
+        ({"grid": "common"}, "states and of the ground truth in outages of the estimate, t = "),
+        ({"grid": "common", "outage": "none"}, "states, t = "),
+        ({"grid": "common", "outage": "none"}, ". Outages of the estimate do not count."),
+        ({"grid": "common", "outage": "none"}, ", with the reason: 4 (grid)"),
+        ({"resample": 1, "max_gap": 3}, "each report of the estimate is valid for 1 and was"),
+        ({"time_tolerance": 0.2}, ". Times at most 0.2 apart are one step."),
+        ({"time_offset": 1}, ". 1 was added to the times of the estimate."),
+        ({"time": "10:20", "region": "x=0:50"}, "in 10:20 were read; only states in x=0:50"),
+        ({"scale": "x=2"}, ". Scale = x 2, y 1."),
     ],
 )
 def test_what_was_chosen_is_said(options: dict[str, Any], part: str) -> None:

@@ -33,6 +33,34 @@ def json_of(done: Any) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.parametrize(
+    ("truth", "estimate", "factors", "ways"),
+    [
+        ("x_m,y_m", "x_ft,y_ft", (0.3048, 0.3048), "--estimate-scale x=0.3048,y=0.3048"),
+        ("x (m),y (m)", "x [km],y [m]", (1000, 1), "--estimate-scale x=1000"),
+        ("x,y\n-,s,m,m", "x,y\n-,s,km,cm", (1000, 0.01), "--estimate-scale x=1000,y=0.01"),
+        ("x,y", "x_m,y_km", (1, 1000), "--estimate-scale y=1000"),
+        ("x_km,y_km", "x_km,y_km", (1, 1), ""),
+        ("x_px,y_px", "x_m,y_m", (1, 1), "write both in one unit"),
+    ],
+)
+def test_units_that_the_files_state(
+    invoke: Run, write: Write, truth: str, estimate: str, factors: tuple[float, float], ways: str
+) -> None:
+    sides = [
+        write(f"{k}.csv", f"id,t,{head}\n" + "".join(f"a,{t},{t / f},{9 / g}\n" for t in range(9)))
+        for k, head, (f, g) in (("t", truth, (1, 1)), ("e", estimate, factors))
+    ]
+    answer = invoke(*sides, *METRIC)
+    if not ways:
+        assert answer.status == 0, answer.err
+        return
+    assert (answer.status, ways in answer.err) == (2, True), answer.err
+    if ways.startswith("--"):
+        done = json_of(invoke(*sides, *METRIC, *ways.split(), "--format", "json"))
+        assert done["total"] == pytest.approx(0, abs=1e-12)
+
+
 TRUTH = "id,t,x,y\n" + "".join(f"a,{k / 10:.1f},{k},0\nb,{k / 10:.1f},{k},9\n" for k in range(12))
 
 

@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.quoting import COMMAND, clipped, option, surface
+from tgospa_eval.quoting import COMMAND, clipped, option, surface, visible
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import EVALUATED_ON, NEES_RECORD, PARAMETERS, contradiction, unlike
@@ -300,6 +300,19 @@ def number_in(values: Json, name: str | None, path: str) -> float:
     return float(value_at(own, path) or 0.0)
 
 
+def lowest_in(values: Json, order: float, name: str | None, path: str) -> float:
+    """Return the proven lower bound of a value, or the value if it has no bounds.
+
+    The bounds of a class are not stored: its gap is at most that of all classes.
+    """
+    value, total = number_in(values, name, path), number_in(values, name, "total")
+    if path not in PROVEN or not total:
+        return value
+    lower, upper = (values[bound] ** order for bound in BOUNDS)
+    gap = values["total"] * (1 - lower / upper)
+    return float(value * max(1 - gap / total, 0.0) ** (1.0 if path == "total" else 1 / order))
+
+
 def nested(values: Mapping[str, Any]) -> Json:
     """Return values by path, such as ``counts.missed``, as nested tables as in the JSON."""
     table: Json = {}
@@ -391,6 +404,11 @@ CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{
 MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
 
 
+def in_conflict(path: str) -> bool:
+    """Return whether a file has marks of a merge conflict."""
+    return bool(re.search(MARK, read_bytes(path, ConfigError)))
+
+
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
     """Read a baseline from the text of a file; messages name it by `path`.
 
@@ -423,6 +441,8 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
                 only = [text for one in some for text in ("--only", one)]
                 way = join(["--update-baseline", *only])
             remedy = f"{way} renews only the entries in conflict"
+            if visible(way) != way:
+                remedy = f"{option('update_baseline')} renews all entries"
             if not open_:
                 remedy = "delete the conflict markers: the lines with <<<<<<<, ======= and >>>>>>>"
             raise ConfigError(f"{name}; {remedy}")

@@ -8,9 +8,10 @@ usual spread of its seeds (`jumps`). A group within its limit does not fail by a
 by absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
 
 A run in which the tracker failed is dead. A dead run always fails, whatever the limit is. Let m be
-the largest number of states that a run of the scene missed in the baseline, and n the number of all
-states of the new run. It is dead if it misses more than m + (n - m) / 2 states. If its number of
-misses is a jump, more than m + (n - m) / 4 is enough.
+the largest number of states that a run of the scene missed in the baseline, without runs that
+missed all states. Let n be the number of all states of the new run. It is dead if it misses more
+than m + (n - m) / 2 states. If its number of misses is a jump, more than m + (n - m) / 4 is enough.
+A run that missed all states in each night of the baseline is allowed to miss all states again.
 
 All groups of a table are also judged together, as one more group. This shows small changes that
 all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
@@ -22,8 +23,10 @@ of a single group.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +35,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     differences,
+    lowest_in,
     nees_values,
     nights_of,
     number_in,
@@ -45,7 +49,8 @@ from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.results.consistency import NeesSums
@@ -89,6 +94,8 @@ class SceneRuns:
         Entries of the baseline. If `paired`, they are in the same order.
     paired : bool
         Whether the new runs and the entries have the same names.
+    added : mapping of str to Measured
+        Further new runs, if `paired`: without an entry they can only be dead or not.
     """
 
     name: str
@@ -96,6 +103,30 @@ class SceneRuns:
     now: Sequence[Measured]
     old: Sequence[Json]
     paired: bool
+    added: Mapping[str, Measured]
+
+    @property
+    def data(self) -> tuple[list[object], list[object]]:
+        """Digests of truth and estimate of each new run, and of each run of the baseline."""
+        now = [(one.evaluated_on["truth_sha256"], one.estimate) for one in self.now]
+        old = [(e["judged"]["truth_sha256"], e.get("estimate_sha256")) for e in self.old]
+        first, second = (
+            list[object]((truth, own or k) for k, (truth, own) in enumerate(side))
+            for side in (now, old)
+        )
+        return first, second
+
+    @cached_property
+    def tested(self) -> tuple[list[int], list[int]]:
+        """Places of the new runs and of the runs of the baseline, without copies, for a test."""
+        sides = self.data
+        if self.paired:
+            both: list[object] = [*zip(*sides, strict=True)]
+            sides = both, both
+        first, second = (
+            [k for k, data in enumerate(side) if side.index(data) == k] for side in sides
+        )
+        return first, second
 
     def missed(self) -> Rises:
         """Return how far the missed shares of the new runs rise above those of the baseline."""
@@ -114,16 +145,26 @@ class SceneRuns:
         `p_values` has for each new run the p value of the test that its missed share is a jump.
         """
         findings = []
-        ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
-        for name, one, p in zip(self.names, self.now, p_values, strict=True):
+        nights = [
+            [missed for missed in map(_missed, nights_of(entry)) if missed < all_states]
+            for entry in self.old
+            for all_states in [entry["judged"]["truth_states"]]
+        ]
+        ever = max((missed for living in nights for missed in living), default=math.inf)
+        died = sum(map(len, nights)) < sum(len(nights_of(entry)) for entry in self.old)
+        could_live = map(bool, nights) if self.paired else [True] * len(self.now)
+        runs = [*zip(self.names, self.now, p_values, could_live, strict=True)]
+        runs += [(name, one, 1.0, True) for name, one in self.added.items()]
+        for name, one, p, alive in runs if ever < math.inf else ():
             states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
             limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
-            if missed.lower > limit and (one.silent or states >= MIN_STATES):
+            if alive and missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
                     f"{name}: the tracker failed: it misses {missed.lower:g} of {states} "
                     "ground-truth states"
-                    f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
-                    f"baseline missed more than {ever:g}"
+                    f"{' and reports none' if one.silent else ''}; no "
+                    f"{'living run' if died else 'run'} of {self.name} in the baseline missed "
+                    f"more than {ever:g}"
                 )
                 findings.append(
                     replace(rules.judge(replace(ALIVE, slack=limit), missed, ever), note=note)
@@ -143,19 +184,34 @@ class Group:
         Scenes with new runs and runs of the baseline.
     faults : tuple of str
         Reasons why the group cannot be compared.
-    notes : tuple of str
-        Notes on runs that are left out.
     """
 
     name: str
     scenes: tuple[SceneRuns, ...]
     faults: tuple[str, ...]
-    notes: tuple[str, ...]
 
     @property
     def runs(self) -> int:
         """Number of new runs."""
         return sum(len(scene.now) for scene in self.scenes)
+
+    @property
+    def tested(self) -> int:
+        """Number of new runs without copies."""
+        return sum(len(scene.tested[0]) for scene in self.scenes)
+
+    def warnings(self) -> Iterator[Notice]:
+        """Yield warnings about runs that are left out, and about copies."""
+        added = [name for scene in self.scenes for name in scene.added]
+        if added:
+            which = "this run" if len(added) == 1 else "these runs"
+            text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs"
+            yield Notice(code="not-in-baseline", text=f"{text} judges {which}")
+        runs = Counter(data for scene in self.scenes for data in scene.data[0])
+        copies = sum(count for count in runs.values() if count > 1)
+        if copies:
+            text = f"{copies} runs are copies of one another, with the same truth and estimate"
+            yield Notice(code="copies", text=text, remedy="check the seeds of the runs")
 
 
 def judge_groups(
@@ -212,7 +268,7 @@ def judge_groups(
         holm(
             np.array(
                 [
-                    p_value(strata(one)) if one.group.runs >= FEWEST_RUNS else 1.0
+                    p_value(strata(one)) if one.group.tested >= FEWEST_RUNS else 1.0
                     for one, _ in tested
                 ]
             ),
@@ -251,9 +307,23 @@ def judge_groups(
                 else []
             )
             outcomes.append(
-                combined_outcome(group.name, findings, table.rules, group.faults, group.notes, dead)
+                _warned(
+                    combined_outcome(group.name, findings, table.rules, group.faults, dead),
+                    [*group.warnings()] if k < len(among) else [],
+                    strict=strict,
+                )
             )
     return outcomes
+
+
+def _warned(one: PairOutcome, warnings: Sequence[Notice], *, strict: bool) -> PairOutcome:
+    """Return the outcome with warnings; with `strict` it does not pass if it leaves out runs."""
+    if one.verdict is rules.Verdict.INCOMPARABLE:
+        return one
+    if strict and not one.status and any(each.code == "not-in-baseline" for each in warnings):
+        verdict = rules.Verdict.INCOMPARABLE
+        one = replace(one, verdict=verdict, status=rules.STATUS[verdict])
+    return replace(one, warnings=tuple(warnings))
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
@@ -321,7 +391,7 @@ def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
-    return [Group(name=f"all of {table.name}", scenes=scenes, faults=(), notes=())]
+    return [Group(name=f"all of {table.name}", scenes=scenes, faults=())]
 
 
 def _groups(
@@ -365,7 +435,7 @@ def _group(
     `runs_by_scene` has for each scene the names of its new runs and of its runs in the baseline.
     `lost` has the names of runs that could not be evaluated.
     """
-    scenes, notes = [], []
+    scenes = []
     faults = [f"{run}: could not be evaluated" for run in lost]
     for scene, (mine, theirs) in runs_by_scene.items():
         where = ", ".join(scene) or "all runs"
@@ -378,6 +448,12 @@ def _group(
         if common and gone:
             faults.append(f"{listed(gone, SHOWN)}: in the baseline, but not among the pairs")
             continue
+        if not common and len(mine) < len(theirs):
+            faults.append(
+                f"{where}: {counted(len(mine), 'run')}, but {len(theirs)} in the baseline, with "
+                "other seeds; if that is right, renew the baseline"
+            )
+            continue
         reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
         if not common:
             reasons = [
@@ -386,10 +462,6 @@ def _group(
                     now[mine[0]].parameters, old[theirs[0]]["parameters"]
                 )
             ]
-        elif len(mine) > len(common):
-            notes.append(
-                f"{where}: {len(mine) - len(common)} runs, not in the baseline, are left out"
-            )
         faults += reasons[:1]
         names = common or mine
         scenes.append(
@@ -399,6 +471,7 @@ def _group(
                 now=[now[run] for run in names],
                 old=[old[run] for run in theirs],
                 paired=bool(common),
+                added={run: now[run] for run in mine if common and run not in common},
             )
         )
     if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
@@ -406,7 +479,7 @@ def _group(
     orders = {one.order for scene in scenes for one in scene.now}
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
-    return Group(name=name, scenes=tuple(scenes), faults=tuple(faults), notes=tuple(notes))
+    return Group(name=name, scenes=tuple(scenes), faults=tuple(faults))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -501,7 +574,7 @@ class Summed:
         Absolute limits and values of assigned pairs are not tested.
         """
         rule = self.finding.rule
-        return self.group.runs > len(self.group.scenes) and not (
+        return self.group.tested > len(self.group.scenes) and not (
             rule.absolute or rules.is_beside(rule.path)
         )
 
@@ -527,7 +600,7 @@ class Summed:
 
     def strata(self) -> list[Stratum]:
         """Return the strata for the test that the values are above their limits."""
-        return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
+        return weighted([_strata(now, old, scene) for scene, (now, old) in self.sides()])
 
     def inferred(
         self,
@@ -545,7 +618,7 @@ class Summed:
         and of the test that it is better. `jump` is the sentence about a jump, or blank.
         `judge_groups` describes `strict`.
         """
-        runs, level = self.group.runs, 1 - (1 - confidence) * share
+        runs, level = self.group.tested, 1 - (1 - confidence) * share
         worse, better = p_values
         paired = all(scene.paired for scene in self.group.scenes)
         nights = min(len(nights_of(entry)) for scene in self.group.scenes for entry in scene.old)
@@ -577,16 +650,18 @@ class Summed:
         scenes = []
         for scene in self.group.scenes:
             now = np.array([-_now(one, self.part).upper for one in scene.now])
-            old = [_old(entry, self.part) * -share for entry in scene.old]
-            scenes.append(_strata(now, old, scene.paired))
+            old = [_old(entry, self.part, low=True) * -share for entry in scene.old]
+            scenes.append(_strata(now, old, scene))
         return weighted(scenes)
 
 
-def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
+def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratum]:
     """Return the strata of a scene: one for each run if they are paired with nights, else one.
 
-    `old` has the values of each run in the baseline, by night.
+    `old` has the values of each run in the baseline, by night. Copies of runs are left out.
     """
+    first, second = scene.tested
+    now, old, paired = now[first], [old[k] for k in second], scene.paired
     if paired and any(len(nights) > 1 for nights in old):
         return [
             Stratum(allowed=nights, now=now[k : k + 1], paired=False)
@@ -623,9 +698,15 @@ def _now(one: Measured, part: Part) -> rules.Value:
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
 
 
-def _old(entry: Json, part: Part) -> Floats:
-    """Return the values of a run of the baseline, one for each night."""
-    return np.array([number_in(night, *part) for night in nights_of(entry)])
+def _old(entry: Json, part: Part, *, low: bool = False) -> Floats:
+    """Return the values of a run of the baseline, or their lower bounds, one for each night."""
+    order = float(entry["parameters"]["order"])
+    return np.array(
+        [
+            lowest_in(night, order, *part) if low else number_in(night, *part)
+            for night in nights_of(entry)
+        ]
+    )
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
@@ -681,7 +762,9 @@ def _summed(rule: rules.Rule, group: Group) -> Summed | None:
         proven=all(one.proven for one in values_of_runs),
         unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in values_of_runs),
     )
-    finding = rules.judge(rule, now, (base / old_steps) ** (1 / order))
+    low = _sum_of(group, lambda entry: float(_old(entry, part, low=True).mean()))
+    low, upper = ((total / old_steps) ** (1 / order) for total in (low, base))
+    finding = rules.judge(rule, now, upper, low)
     limit = finding.limit**order * steps
     return Summed(finding=finding, group=group, part=part, base=base, limit=limit, of_sum=of_sum)
 

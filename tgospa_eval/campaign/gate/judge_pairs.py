@@ -14,6 +14,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     dump,
+    in_conflict,
     make_entry,
     measured,
     nights_of,
@@ -32,7 +33,7 @@ from tgospa_eval.campaign.gate.outcome import (
     without_option,
 )
 from tgospa_eval.campaign.gate.rules import Rule, Verdict, parse_rules
-from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED, GroupTable, make_group
+from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED, GroupTable, check_labels, make_group
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.campaign.store import is_store
@@ -40,7 +41,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
-from tgospa_eval.quoting import option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Parameters with rules, by their keys in a suite."""
@@ -65,7 +66,11 @@ def tables_of(
     ConfigError
         An option needs groups, or a group is wrong.
     """
+    labels = {label for pair in pairs for label in pair.labels}
     if gate.group is None:
+        for one in groups if gate.seed_label else ():
+            where = option("seed_label", gate.seed_label)
+            check_labels(one.name, str(gate.seed_label), labels, where)
         for name, value in (("confidence", gate.confidence), ("seed_label", gate.seed_label)):
             if value is not None and not groups:
                 raise ConfigError(
@@ -82,7 +87,6 @@ def tables_of(
     names = [name.strip() for name in gate.group.split(",")]
     pattern = "all" if names == ["all"] else "/".join(f"{{{name}}}" for name in names)
     texts = [getattr(gate, name) for name in RULE_PARAMETERS.values()]
-    labels = {label for pair in pairs for label in pair.labels}
     seed, confidence = gate.seed_label or SEED, gate.confidence or GroupTable.confidence
     return [make_group(pattern, texts, confidence, seed, labels, option("group", gate.group))]
 
@@ -279,6 +283,7 @@ def _judge_all(
     results: dict[str, Measured] = {}
     outcomes: dict[str, PairOutcome] = {}
     chosen: list[Job] = []
+    wrong: list[ConfigError] = []
     tables = {
         pair.name: [table for table in groups if table.has(pair.labels) and not pair.is_new]
         for pair in pairs
@@ -293,15 +298,17 @@ def _judge_all(
     for pair, (row, _) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
         if isinstance(now, TgospaError):
+            wrong += [now] if isinstance(now, ConfigError) else []
             about = {"status": now.exit_status, **about}
-            outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
+            outcome = PairOutcome.of(pair, Verdict.ERROR, *map(str, now.args), **about)
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             entry, own = old.get(pair.name), rules[pair.name]
-            if path and entry is None and not pair.is_new:
-                outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
-            else:
-                outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
+            in_group = path and entry is None and not pair.is_new
+            own = [rule for rule in own if rule.absolute] if in_group else own
+            outcome = evaluated_outcome(pair, now, entry, own, noisy=noisy, **about)
+            if in_group:
+                outcome = replace(outcome, notes=(*outcome.notes, IN_GROUP))
             if pair.is_new:
                 note = "new, not judged: not in the target yet; limits of "
                 note += f"{option('limits')} only warn"
@@ -310,6 +317,8 @@ def _judge_all(
                 results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
+    if len(wrong) == len(pairs) > 1 and len({*map(str, wrong)}) == 1:
+        raise wrong[0]  # the same for all pairs: a wrong option
     in_order = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in in_order if one.verdict is Verdict.ERROR]
@@ -319,10 +328,9 @@ def _judge_all(
         in_order = [*first, *added[MAX_PAGES:], *in_order]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
-    note = (
-        f"in the baseline, but not in {source}; {option('update_baseline')} {option('prune')} "
-        "removes it"
-    )
+    note = f"in the baseline, but not in {source}"
+    if not is_store(path) and not any(one.verdict is Verdict.ERROR for one in in_order):
+        note += f"; {option('update_baseline')} {option('prune')} removes it"
     return in_order + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
@@ -341,7 +349,7 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 MAX_PAGES = 200
 """Largest number of pairs for which each pair has a page; with more, passing pairs have none."""
 
-IN_GROUP = "not in the baseline: judged only in its group"
+IN_GROUP = "not in the baseline: its group tells what judges it"
 
 
 def _updated(
@@ -364,7 +372,7 @@ def _updated(
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
             raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair has such a name")
-    new, outcomes = dict(old), []
+    new, outcomes, dead = dict(old), list[PairOutcome](), list[str]()
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
         before = old.get(pair.name)
@@ -377,20 +385,26 @@ def _updated(
             lines = (f"{gate.prefix(pair.name)}{line}" for line in error.args)
             raise type(error)(*lines) from None
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
+        if now.values["counts.missed"].lower >= now.evaluated_on["truth_states"] > 0:
+            dead.append(pair.name)
     names = {pair.name for pair in pairs}
     gone = [name for name in old if name not in names and gate.chosen(name)]
     for name in gone if gate.prune else ():
         del new[name]
-    if new != old or not os.path.exists(path):
+    if new != old or not os.path.exists(path) or in_conflict(path):
         write_file(path, dump(new), option("baseline"))
     note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {source}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
+    empty = [
+        f"{listed(dead, 5)}: misses all ground-truth states: a baseline with a dead run allows "
+        "such a run again, and raises the limits; check the estimate before you commit the baseline"
+    ]
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
         version=__version__,
         tally=tally,
-        notices=tuple(_few_runs(pairs, groups, new)),
+        notices=(*(empty if dead else ()), *_few_runs(pairs, groups, new)),
     )

@@ -65,7 +65,7 @@ class GateOptions(Values):
     )
     strict: bool = _gate(
         "--strict",
-        "Fail if a group is above its limit, although its seeds may be the reason.",
+        "Fail if a group has new runs, or is above its limit although seeds may be the reason.",
     )
     against: str | None = _gate(
         "--against TARGET",

@@ -10,6 +10,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     check_equal,
     differences,
+    lowest_in,
     nights_of,
     patterns_of,
     typical,
@@ -37,7 +38,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, messages_of
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
-from tgospa_eval.quoting import option
+from tgospa_eval.quoting import option, visible
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.results.summary import names_summary
@@ -172,10 +173,14 @@ class Report:
 
     @property
     def advice(self) -> str:
-        """Command that accepts the failed pairs or tightens the baseline; blank without one."""
-        import shlex  # lazy: not needed if all pairs pass
+        """Command that accepts the failed pairs or tightens the baseline; blank without one.
 
-        return shlex.join(self.again)
+        A command with characters that cannot be shown is blank too, because no one could copy it.
+        """
+        import shlex  # lazy: most gates pass
+
+        command = shlex.join(self.again)
+        return command if visible(command) == command else ""
 
     def count(self, verdict: Verdict) -> int:
         """Count the outcomes with a verdict."""
@@ -218,22 +223,22 @@ def combined_outcome(
     findings: Iterable[Finding | None],
     rules: Iterable[Rule],
     faults: Iterable[str],
-    more: Iterable[str] = (),
     dead: Sequence[Finding] = (),
 ) -> PairOutcome:
     """Return the outcome of a group.
 
     `findings` has a finding for each rule, or None if its value is absent. `faults` are reasons why
-    the group is not comparable. `more` has further notes. `dead` has a finding for each dead run.
+    the group is not comparable. `dead` has a finding for each dead run.
     """
     pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
     every = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
-    notes = [*more, *(text for one in every for text in _sentences(one))]
+    notes = [text for one in every for text in _sentences(one)]
     better = [one.rule.path for one in every if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
+    notes += _open(max((one.gap for one in every), default=0.0))
     return PairOutcome.of(pair, _worst(every), *notes, findings=tuple(every), group=True)
 
 
@@ -278,7 +283,10 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
         before = old if name is None else old.get("by_class", {}).get(name)
         if own or before:
             value = own[path] if own else replace(now.values[path], lower=0.0, upper=0.0)
-            return judge(rule, value, value_at(before, path) if before else 0.0)
+            base = value_at(before, path) if before else 0.0
+            return judge(
+                rule, value, base, lowest_in(old, now.order, name, path) if before else base
+            )
     return _unknown(rule)
 
 
@@ -322,10 +330,15 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
         yield TIGHTER.format(", ".join(dict.fromkeys(better)))
     lower, upper = (old[f"{side}_bound"] for side in ("lower", "upper"))
     gap = 1 - (lower / upper) ** now.order if upper else 0.0
+    yield from _open(gap)
+
+
+def _open(gap: float) -> Iterator[str]:
+    """Yield a note on a baseline with this relative gap, unless it is exact."""
     if gap > OPEN:
         yield (
-            f"the baseline is not exact, relative gap {gap:.2g}: the gate compares with "
-            "its upper bound"
+            f"the baseline is not exact, relative gap {gap:.2g}: limits and changes in per cent "
+            "refer to its upper bound"
         )
 
 
@@ -534,9 +547,11 @@ def accepting_options(
 ) -> list[str]:
     """Return the options with which ``gate`` accepts pairs that failed or are not comparable.
 
-    If there are none, and every outcome has exit status 0, the options accept improved pairs.
+    If every outcome has exit status 0, return the options that accept the improved pairs. While
+    files are missing or wrong, no entry is removed, and no group is accepted for its missing runs.
     """
     there = {pair.name: pair for pair in pairs}
+    broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}
 
@@ -547,6 +562,8 @@ def accepting_options(
                 names.add(one.name)
                 continue
             lost = one.verdict is Verdict.INCOMPARABLE
+            if lost and broken:
+                continue
             names |= {
                 name
                 for name, own in labels.items()
@@ -563,6 +580,7 @@ def accepting_options(
     )
     if not names and not any(one.status for one in outcomes):
         names = names_of(one for one in outcomes if any(each.improved for each in one.findings))
+    names = names & there.keys() if broken else names
     if not names:
         return []
     some = [] if names >= there.keys() else patterns_of(names, {*there, *old})

@@ -602,7 +602,9 @@ def page(report: Report, seed: str) -> str:
         report=report,
         headline=headline(report),
         accept_title=accept_title(report),
-        beside=report.messages(),
+        beside=report.messages(
+            *(w.about(title(one)) for one in report.outcomes for w in one.warnings)
+        ),
         failing=[row for row in rows if not row["passes"]],
         passing=[row for row in rows if row["passes"]],
         notes=list(notes_of(report.outcomes)),

@@ -238,6 +238,8 @@ class Finding:
         improvement.
     note : str
         Message that replaces the usual message of the rule.
+    low : float, optional
+        Proven lower bound of the baseline, if `base` is an upper bound.
     """
 
     rule: Rule
@@ -248,6 +250,7 @@ class Finding:
     inference: Inference | None = None
     noisy: bool = False
     note: str = ""
+    low: float | None = None
 
     @property
     def proven(self) -> bool:
@@ -261,17 +264,24 @@ class Finding:
 
     @property
     def improved(self) -> bool:
-        """True if the value is better than the baseline by more than the rule's slack."""
+        """True if the value is proven to be better than the baseline, by more than the slack."""
         if self.base is None or self.rule.absolute or is_beside(self.rule.path) or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
             return False
         slack = max(self.limit - self.base, NO_CHANGE * self.base, self.now.tolerance)
-        return self.now.upper < self.base - slack
+        return self.now.upper < (self.base if self.low is None else self.low) - slack
+
+    @property
+    def gap(self) -> float:
+        """Width of the bracket of the baseline, relative to its upper bound."""
+        return 1 - self.low / self.base if self.base and self.low is not None else 0.0
 
 
-def judge(rule: Rule, now: Value, base: float | None) -> Finding:
+def judge(rule: Rule, now: Value, base: float | None, low: float | None = None) -> Finding:
     """Judge whether a value keeps a rule; the verdict is undecided if its bounds do not prove it.
+
+    `base` is the upper bound of the baseline, `low` its lower bound.
 
     Raises
     ------
@@ -287,7 +297,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
         verdict = Verdict.PASS
     else:
         verdict = Verdict.UNDECIDED
-    return Finding(rule=rule, base=base, limit=limit, now=now, verdict=verdict)
+    return Finding(rule=rule, base=base, limit=limit, now=now, verdict=verdict, low=low)
 
 
 def parse_rule(text: str, *, name: str = "fail_on") -> Rule:

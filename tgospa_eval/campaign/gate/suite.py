@@ -49,10 +49,13 @@ class Target:
         commit = _git("rev-parse", "--verify", "--quiet", "--end-of-options", f"{where}^{{commit}}")
         if commit is None:
             folder = f"; write ./{where} for the folder" if os.path.isdir(where) else ""
-            raise ConfigError(
-                f"{OPTION} {quoted(where)}: is not a git revision in this repository; a CI system "
-                f"may have to fetch it: git fetch origin BRANCH{folder}"
+            why = (
+                "this folder is in no git repository, or git is not installed"
+                if _git("rev-parse", "--git-dir") is None
+                else "is not a git revision in this repository; a CI system may have to fetch it: "
+                "git fetch origin BRANCH"
             )
+            raise ConfigError(f"{OPTION} {quoted(where)}: {why}{folder}")
         self.commit = commit.decode().strip()
 
     def name(self, path: str) -> str:
@@ -363,6 +366,19 @@ def make_group(
         raise ConfigError(f"{where}: confidence is {confidence}: must be from 0.5 to below 1")
     if set("{}") & {*re.sub(patterns.FIELD, "", name)}:
         raise ConfigError(f"{where}: {quoted(name)} has a brace without a label")
+    check_labels(name, seed, labels, where)
+    rules_of_group = tuple(parse_rules(*rules))
+    return GroupTable(name=name, rules=rules_of_group, confidence=float(confidence), seed=seed)
+
+
+def check_labels(name: str, seed: str, labels: Container[str], where: str) -> None:
+    """Check the label of the seeds, and the labels of the pattern of a group.
+
+    Raises
+    ------
+    ConfigError
+        A label is unknown, or the pattern has the label of the seeds.
+    """
     if seed != SEED and seed not in labels:
         raise ConfigError(f"{where}: no pattern of a pair has {{{seed}}}, in which runs differ")
     for label in patterns.fields(name):
@@ -370,8 +386,6 @@ def make_group(
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
             raise ConfigError(f"{where}: {quoted(name)} has {{{seed}}}, in which its runs differ")
-    rules_of_group = tuple(parse_rules(*rules))
-    return GroupTable(name=name, rules=rules_of_group, confidence=float(confidence), seed=seed)
 
 
 def _pairs(

@@ -99,7 +99,18 @@ COMPARE_OUTPUT = (
 )
 
 
-@click.command("compare", cls=Verb, params=[*COMPARE_OPTIONS, *SHARED, *COMPARE_OUTPUT])
+class Compare(Verb):
+    """Command that also ranks saved results."""
+
+    def uses(self, ctx: click.Context, name: str) -> bool:
+        """Return whether an option applies: to saved results, only those of results."""
+        from tgospa_eval.api.compare import are_saved
+
+        files = ctx.params["files"]
+        return name in OF_RESULTS or not files or not are_saved(files)
+
+
+@click.command("compare", cls=Compare, params=[*COMPARE_OPTIONS, *SHARED, *COMPARE_OUTPUT])
 @click.argument("files", metavar="TRUTH ESTIMATE...", type=SOURCE, nargs=-1)
 @click.pass_context
 def command(

@@ -51,7 +51,8 @@ PREFIX = "TGOSPA_EVAL_"
 """Prefix of the environment variables that set options."""
 
 TARGET = "tgospa_eval.target"
-"""Key of the click context for the target of ``--against``: the configuration is read from it."""
+"""Key of the context for the target of ``--against``, None for a wrong one. Only its configuration
+is read."""
 
 IGNORED = "tgospa_eval.ignored"
 """Key of the click context for environment variables that are ignored because of a target."""
@@ -213,8 +214,10 @@ def load_config(
         if isinstance(item, Option) and item is not parameter and item.envvar
     }
     target: Target | None = ctx.meta.get(TARGET)
-    if target is None:
+    if TARGET not in ctx.meta:
         used = config.load(path, _keys, TRUSTED_KEYS)
+    elif target is None:  # a wrong target: its error follows, and no file of the branch counts
+        used = None
     else:
         read = target.read if path is None else target.demand
         used = config.load(path, _keys, TRUSTED_KEYS, read)
@@ -247,6 +250,7 @@ def tell_settings(ctx: click.Context) -> None:
         for item in ctx.command.params
         if isinstance(item, Option) and not item.hidden
         if ctx.get_parameter_source(str(item.name)) is ParameterSource.DEFAULT_MAP
+        if not isinstance(ctx.command, Verb) or ctx.command.uses(ctx, str(item.name))
     ]
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
     if not ctx.params["quiet"] or (used.options and not used.named):
@@ -442,6 +446,10 @@ class Verb(click.Command):
         if rest and not ctx.resilient_parsing:
             raise click.UsageError(self._too_many(ctx, rest), ctx)
         return rest
+
+    def uses(self, ctx: click.Context, name: str) -> bool:  # noqa: ARG002
+        """Return whether an option applies to these arguments; stored results stay as they are."""
+        return True
 
     def invoke(self, ctx: click.Context) -> Any:
         """Print where settings come from, and run the verb."""

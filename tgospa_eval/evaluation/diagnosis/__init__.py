@@ -13,6 +13,7 @@ timestamps that nearly match or do not match, outages of the estimate, and gaps 
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,11 +21,12 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, concatenated, median, stretches
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted, in_both, number
+from tgospa_eval.common.words import counted, in_both, number, plain
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
-from tgospa_eval.evaluation.axis import Axis, truth_gaps
-from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
+from tgospa_eval.errors import TgospaError
+from tgospa_eval.evaluation.axis import Axis, between_rows, near_in_outages, truth_gaps
+from tgospa_eval.evaluation.diagnosis.clock import clock_warnings, rounded_up
 from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.formats.headers import METRES
@@ -61,31 +63,25 @@ def diagnose(
             aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = None if sound else Sample(pair, parameters, distance, FIRST_STEPS)
-    warnings = side_warnings(sides.read)
+    read, on_clock = sides.read, sides.alignment.reports
+    if on_clock is not None:  # a report may hold at several steps
+        read = read[0], on_clock.estimate.chosen(np.unique(on_clock.row))
+    warnings = side_warnings(read)
     clock = clock_warnings(sides, request, sample)
     warnings += clock
     if sample is not None and not any(
         notice.code in ("clock-shift", "stamps-near") for notice in clock
     ):
-        crs = str(request.recorded.get("estimate_crs", ""))
-        warnings += (in_other_axes(notice, crs) for notice in state_warnings(sample))
+        frames = [str(request.recorded.get(f"{role}_crs", "")) for role in ("truth", "estimate")]
+        warnings += state_warnings(sample, frames, sides.headers)
     warnings += step_warnings(sides, request.time_matching)
-    warnings += silence_warnings(sides.axis, parameters)
+    warnings += silence_warnings(sides, request)
+    if request.step_weights is not None:
+        weights = request.step_weights.on(sides.alignment.truth)[0]
+        steps = f"{np.count_nonzero(weights == 0):,} of {counted(len(weights), 'step')}"
+        text = f"{steps} have the weight 0: their states are left out"
+        warnings += [] if weights.all() else [Notice(text=text)]
     return warnings + gap_warnings(sides, request)
-
-
-def in_other_axes(notice: Notice, crs: str) -> Notice:
-    """Return the warning; if it is of exchanged axes and `crs` is local, add the remedy.
-
-    The remedy is the other order of local axes, ``enu`` or ``ned``, in `crs`.
-    """
-    name, turned = crs[:3], crs[3:]
-    if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem sw"):
-        return notice
-    if "negated" in notice.text:
-        return notice
-    other = "ned" if name == "enu" else "enu"
-    return replace(notice, remedy=f"{option('estimate_crs', other + turned)}")
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
@@ -159,9 +155,9 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     return []
 
 
-def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
+def silence_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
     """Warn of outages of the estimate, with their length and cost."""
-    outages = axis.outages
+    outages, parameters, matching = sides.axis.outages, request.parameters, request.time_matching
     if outages is None:
         return []
     total, longest = float(outages.lengths.sum()), float(outages.lengths.max())
@@ -171,23 +167,28 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
         f"{counted(len(outages.lengths), 'outage')} of total length {number(total, 4)}{longest_of}"
     )
     states = f"{counted(outages.states, 'state')} of the truth"
-    if not outages.counted:
-        return [
-            Notice(
-                code="silences-not-charged",
-                text=f"{text}; outages do not count, so {states} at these times are not evaluated",
-                remedy=f"leave out {option('outage', 'none')} if the tracker should report at "
-                "all times",
+    remedy, near = "", 0
+    if matching.interpolate is None:
+        with suppress(TgospaError):  # not every distance has interpolated states
+            gap, near = near_in_outages(
+                sides.given, outages, matching, sides.distance, parameters.cutoff
             )
-        ]
-    cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
-    return [
-        Notice(
-            code="silences",
-            text=f"{text}; {states} at these times are missed, which costs {number(cost)}",
-            remedy=f"use {option('outage', 'none')} if the tracker reports only what it sees",
+    if near:
+        remedy = (
+            f"use {option('interpolate', 'truth')} {option('max_gap', plain(gap))}: "
+            f"{counted(near, 'state')} of the estimate in outages {'is' if near == 1 else 'are'} "
+            "then within c of a true object"
         )
-    ]
+    elif not outages.counted:
+        remedy = f"leave out {option('outage', 'none')} if the tracker should report at all times"
+    elif sides.alignment.common:  # else no object would be left
+        remedy = f"use {option('outage', 'none')} if the tracker reports only what it sees"
+    if not outages.counted:
+        text += f"; outages do not count, so {states} at these times are not evaluated"
+        return [Notice(code="silences-not-charged", text=text, remedy=remedy)]
+    cost = outages.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
+    text += f"; {states} at these times are missed, which costs {number(cost)}"
+    return [Notice(code="silences", text=text, remedy=remedy)]
 
 
 def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
@@ -199,11 +200,10 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     if gaps is None:
         return []
     lengths, names, states = gaps
-    ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
         f"the truth has {counted(len(lengths), 'gap')} longer than "
         f"{matching.gaps[0].text}, of total length {number(float(lengths.sum()), 4)}, in the "
-        f"tracks of id {ids}"
+        f"tracks of id {_listed(names)}"
     )
     if not states:
         return [Notice(text=text)]
@@ -222,14 +222,74 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
     ]
 
 
+def _listed(names: Sequence[str]) -> str:
+    """Name the first three of some ids, and how many more there are."""
+    return ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
+
+
+def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Notice]:
+    """Warn of objects and estimates without a state at the steps that count."""
+    if not matching.gaps and matching.grid == "union" and matching.steps is None:
+        return
+    moved = "truth" if matching.resample is not None else matching.interpolate
+    aligned, nouns = sides.alignment, {"truth": "ground-truth object", "estimate": "estimate"}
+    both = zip(nouns, sides.given, (aligned.truth, aligned.estimate), strict=True)
+    for role, side, counting in both:
+        there = set(counting.ids.tolist())
+        is_lost = np.array([name not in there for name in side.ids.tolist()], bool)
+        if not is_lost.any():
+            continue
+        track, begin, end, spans = between_rows(side)
+        first = np.searchsorted(counting.times, side.times[begin])
+        around = first < np.searchsorted(counting.times, side.times[end], "right")
+        around &= track >= 0
+        gaps = np.full(len(is_lost), np.inf)  # shortest gap around a step
+        np.minimum.at(gaps, track[around], spans[around])
+        if matching.steps is not None:  # objects may be outside of declared steps
+            is_lost &= gaps < np.inf
+        names, gaps = side.ids[is_lost].tolist(), gaps[is_lost & (gaps < np.inf)]
+        if not names:
+            continue
+        lone, remedy = len(names) == 1, ""
+        if moved == role and len(gaps) and matching.steps is None:
+            longest = ",".join((rounded_up(gaps.max()), *(gap.text for gap in matching.gaps[1:])))
+            which = (
+                ("it" if lone else "them") if len(gaps) == len(names) else f"{len(gaps)} of them"
+            )
+            remedy = f"use {option('max_gap', longest)} to evaluate {which}"
+        elif matching.grid != "union":
+            remedy = f"{option('grid', 'union')} counts all steps"
+        yield Notice(
+            code="not-evaluated",
+            text=f"{len(names):,} of {counted(len(side.ids), nouns[role])} "
+            f"{'has' if lone else 'have'} no state at a step that counts, so "
+            f"{'it costs' if lone else 'they cost'} nothing: id {_listed(names)}",
+            remedy=remedy,
+        )
+
+
+def steps_of(aligned: Alignment, matching: TimeMatching) -> dict[str, int]:
+    """Return numbers of steps: of either side, of both, and that count.
+
+    If steps are not those of the files, ``common`` is the number of steps with states of both
+    sides, and ``truth`` and ``estimate`` are those with states of one side.
+    """
+    steps = {"union": aligned.union, "common": aligned.common, "counted": len(aligned.truth.times)}
+    if matching.decided or matching.interpolate:
+        truth, estimate = (np.unique(side.step) for side in (aligned.truth, aligned.estimate))
+        steps |= {"truth": len(truth), "estimate": len(estimate)}
+        steps["common"] = int(np.isin(truth, estimate).sum())
+    return steps
+
+
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     """Describe the alignment of two sides: common steps, joined timestamps, rows left out."""
     rest = aligned.union - aligned.common
     at = "at the other, objects count as missed and tracks as false"
     if rest > 1:
         at = f"at the other {rest:,}, objects count as missed and tracks as false"
-    costly = matching.grid == "union" and rest and aligned.common
-    notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
+    costly = matching.grid == "union" and rest and aligned.common and not matching.interpolate
+    notices = [in_both(steps_of(aligned, matching)) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of timestamps was", "pairs of timestamps were")
         how = (
@@ -276,7 +336,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     """
     if not len(near):
         return None
-    middle, spacing = (float(np.sort(values)[len(near) // 2]) for values in (near, next_truths))
+    middle, spacing = median(near), median(next_truths)
     # A track that is nearer to its object than to the next one is within half of their distance.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None

@@ -16,7 +16,7 @@ or on a circle.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -88,6 +88,7 @@ class Timeline:
         self, side: Trajectories, timestamps: Floats, longest: float, periods: dict[str, float]
     ) -> None:
         self.side, self.timestamps, self.periods = side, timestamps, periods
+        self.longest = longest
         order = np.argsort(side.track, kind="stable")  # rows of a track stay in order of time
         track, step = side.track[order], side.step[order]
         goes_on = (track[1:] == track[:-1]) & (step[1:] == step[:-1] + 1)
@@ -672,6 +673,9 @@ MINUTE = 60
 HOURS = 14
 """Largest offset, in hours, that may be a difference of time zones."""
 
+LONGEST = 100
+"""Largest ratio of the lengths of two recordings that differ only in the unit of time."""
+
 RATES = 3.0
 """Largest ratio of the rates of truth and estimate, if they differ only in the unit of time."""
 
@@ -683,8 +687,10 @@ def clock_warnings(
     warnings = [_few_common(sides, request.time_matching)]
     clock = None
     if sample is not None and not _looks_sound(sample):
-        clock = find_clock(sides.given, sample.parameters, sample.distance, request.recorded)
+        clock = find_clock(sides.given, sample.parameters, sample.distance, request)
     if clock is not None and clock.saving >= WORTH:
+        if sides.in_parts and ("interpolate", "truth") in clock.cures:
+            clock = replace(clock, cures=())
         warnings.append(_clock_warning(clock, sides.given[0].clock))
     elif unit := _unit_of_time(sides.given):
         return [unit]
@@ -706,7 +712,8 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
     for power in (*POWERS, *(-power for power in POWERS)):
         low, high = (moment * 10.0**power for moment in (begin, end))
         shared = min(last, high) - max(first, low)
-        if first > 0 and shared >= 0.5 * min(last - first, high - low) > 0:
+        shorter, longer = sorted((last - first, high - low))
+        if first > 0 and shared >= 0.5 * shorter > 0 and longer <= LONGEST * shorter:
             scale = float(f"1e{power}")
             return Notice(
                 code="clock-shift",
@@ -728,11 +735,14 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
     share = f"{100 * aligned.common / steps:.0f} %"
+    way = ""
+    if sides.same_header and 2 * aligned.common < steps:
+        way = f"{sides.same_header} reads both times from columns of one name; "
     return Notice(
         code="steps-unmatched",
         text=f"only {share} of the steps are in both files; {meaning}",
-        remedy=f"if the clocks differ, see {option('time_tolerance')}, {option('time_offset')} and "
-        f"{option('resample')}",
+        remedy=f"{way}if the clocks differ, see {option('time_tolerance')}, "
+        f"{option('time_offset')} and {option('resample')}",
     )
 
 
@@ -746,16 +756,17 @@ def _near_misses(
     if not steps:
         return None
     clock = aligned.truth.clock
+    unit = SECOND if clock != "number" else 1
     _, _, distance = nearest(*times)
-    is_close = (distance < NEARLY * min(steps)) & ~within(distance, matching.near, times, clock)
-    close = distance[is_close & (distance > 0)]
+    missed = (distance > 0) & ~within(distance, matching.near, times, clock)
+    close = distance[missed & within(distance, NEARLY * min(steps) / unit, times, clock)]
     if not len(close):
         return None
-    unit = SECOND if clock != "number" else 1
     wide = float(close.max())
     if close.dtype.kind == "f":  # a tolerance allows for rounding by itself
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
-    named = _rounded_up(wide / unit)
+    named = rounded_up(wide / unit)
+    close = distance[missed & within(distance, float(named), times, clock)]
     pairs = counted(len(close), "pair of timestamps is", "pairs of timestamps are")
     unshared = aligned.union - aligned.common
     left = unshared - 2 * len(close)
@@ -787,7 +798,7 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
-def _rounded_up(value: float) -> str:
+def rounded_up(value: float) -> str:
     """Round up to two digits, but not because of a rounding error in the last digit."""
     from decimal import ROUND_CEILING, Context
 
@@ -804,6 +815,8 @@ class ClockError:
     time_scale, time_offset : float
         Factor of the timestamps, and offset that is added after the multiplication. The offset is
         in the unit of the timestamps, or in seconds for ISO times.
+    cures : tuple of (str, object)
+        Options with which timestamps become equal, or with which the truth is interpolated.
     ahead : float
         Time by which the clock of the estimate is ahead. It is 0 if the factor is wrong, too.
     uncertainty : float
@@ -817,6 +830,7 @@ class ClockError:
 
     time_scale: float
     time_offset: float
+    cures: tuple[tuple[str, object], ...]
     ahead: float
     uncertainty: float
     saving: float
@@ -844,7 +858,7 @@ def find_clock(
     sides: tuple[Trajectories, Trajectories],
     parameters: Parameters,
     distance: Distance,
-    given: Mapping[str, object],
+    request: "EvaluationRequest",
 ) -> ClockError | None:
     """Return a correction of the clock of the estimate if it fits clearly best, or None.
 
@@ -854,8 +868,8 @@ def find_clock(
         Truth and estimate as they were read.
     parameters, distance
         Cutoff and order, and the base distance, which compares states without covariances.
-    given : mapping of str to object
-        Values of `time_scale` and `time_offset` with which the estimate was read.
+    request : EvaluationRequest
+        Options of the evaluation. The estimate was read with its `time_scale` and `time_offset`.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
@@ -878,7 +892,7 @@ def find_clock(
         zones = (3600.0 * unit * hours for hours in range(-HOURS, HOURS + 1) if hours)
         offset = search.offset((*ends, *zones), plain)
         if offset is not None:
-            return _clock(search, *offset, factor, given)
+            return _clock(search, *offset, factor, request, (plain or search).fit(0.0))
         plain = plain or search
     return None
 
@@ -902,28 +916,53 @@ def _clock(
     uncertainty: float,
     saving: float,
     factor: "Fraction",
-    given: Mapping[str, object],
+    request: "EvaluationRequest",
+    now: Fit,
 ) -> ClockError:
-    """Return the correction with the simplest offset among those that fit equally well."""
+    """Return the correction with the simplest offset among those that fit equally well.
+
+    If states are compared at equal timestamps only, this offset makes timestamps equal.
+    """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
     unit = 1 if search.truth.clock == "number" else SECOND
     hour, near = 3600 * unit, PREFERRED * uncertainty
     hours = round(shift / hour)
+    matching = request.time_matching
+    moves = matching.interpolate is not None or matching.resample is not None
+    step = median_step(search.timestamps[0]) or 0.0
+    equal = _equal_timestamps(search, shift, near if moves else max(near, step / 2), factor)
     if 0 < abs(hours) <= HOURS and abs(hours * hour - shift) <= near < MINUTE * unit:
         offset = Fraction(hours * hour)
+    elif equal is not None and (equal[0] or factor != 1):
+        offset = equal[0]
     else:
-        offset = _equal_timestamps(search, shift, uncertainty, factor) or Fraction(
-            _rounded(shift, uncertainty)
-        )
+        offset = Fraction(_rounded(shift, uncertainty))
     uncertainty += abs(float(offset) - shift)
     scaled, added = (
-        Fraction(repr(given.get(name, neutral)))
+        Fraction(repr(request.recorded.get(name, neutral)))
         for name, neutral in (("time_scale", 1.0), ("time_offset", 0.0))
     )
+    exact = added * factor + offset / unit
+    time_scale, time_offset = float(f"{float(scaled * factor):.12g}"), float(f"{float(exact):.12g}")
+    if abs(time_offset - exact) * unit > NEARLY * NEARLY * step:
+        time_offset = float(exact)
+    cures: list[tuple[str, object]] = [("time_scale", plain(time_scale))] * (time_scale != 1)
+    cures += [("time_offset", plain(time_offset))] * bool(time_offset)
+    if equal is not None and not moves:
+        tolerance = equal[1] + unit * abs(float(time_offset - exact))
+        if tolerance > 4 * float(np.spacing(float(np.abs(search.truth.times[[0, -1]]).max()))):
+            wide = 10.0 ** math.ceil(math.log10(tolerance / unit))  # not all steps were examined
+            cures.append(("time_tolerance", plain(wide)))
+    elif not moves:
+        gap = rounded_up(search.timeline.longest / unit)
+        cures += [("interpolate", "truth"), ("max_gap", gap)]
+    works = search.fit(float(offset)).total > now.total and (moves or equal is None or equal[0])
+    works = works and (moves or equal is not None or matching.grid == "union")
     return ClockError(
-        time_scale=float(f"{float(scaled * factor):.12g}"),
-        time_offset=float(f"{float(added * factor + offset / unit):.12g}"),
+        time_scale=time_scale,
+        time_offset=time_offset,
+        cures=tuple(cures) if works or factor != 1 else (),
         ahead=-float(f"{float(offset / unit):.12g}") if factor == 1 else 0.0,
         uncertainty=float(f"{uncertainty / unit:.2g}"),
         saving=saving,
@@ -932,27 +971,31 @@ def _clock(
 
 
 def _equal_timestamps(
-    search: Search, shift: float, uncertainty: float, factor: "Fraction"
-) -> "Fraction | None":
-    """Return an offset near the shift that makes most timestamps equal, or None.
+    search: Search, shift: float, far: float, factor: "Fraction"
+) -> "tuple[Fraction, float] | None":
+    """Return an offset that makes most timestamps equal, if one is nearer than `far` to `shift`.
 
-    It may differ from the shift by `PREFERRED` times the uncertainty.
+    The second value is the largest difference of timestamps that are then nearly equal. The offset
+    0 is preferred.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
-    own, theirs = search.timestamps[0], search.timestamps[1][search.steps] + shift
-    after = np.searchsorted(own, theirs).clip(1, len(own) - 1)
-    at = after - (theirs - own[after - 1] <= own[after] - theirs)
-    differences = own[at] - theirs
-    k = int(np.argsort(differences, kind="stable")[len(differences) // 2])
+    own, theirs = search.timestamps[0], search.timestamps[1][search.steps]
     step = median_step(own) or 0.0
-    same = np.abs(differences - differences[k]) <= NEARLY * step
-    if abs(differences[k]) > PREFERRED * uncertainty or np.count_nonzero(same) < COMMON_SHARE * len(
-        differences
-    ):
-        return None
-    first, second = search.truth.times[at[k]], search.estimate.times[search.steps[k]]
-    return Fraction(first.item()) - factor * Fraction(second.item())
+    for start in (0.0, shift):
+        moved = theirs + start
+        after = np.searchsorted(own, moved).clip(1, len(own) - 1)
+        at = after - (moved - own[after - 1] <= own[after] - moved)
+        differences = own[at] - moved
+        k = int(np.argsort(differences, kind="stable")[len(differences) // 2])
+        distance = np.abs(differences - (differences[k] if start else 0.0))
+        same = distance <= NEARLY * step
+        move = abs(differences[k]) if start else abs(shift)
+        if move <= far and np.count_nonzero(same) >= COMMON_SHARE * len(same):
+            first, second = search.truth.times[at[k]], search.estimate.times[search.steps[k]]
+            offset = Fraction(first.item()) - factor * Fraction(second.item())
+            return (offset if start else Fraction(0)), float(distance[same].max())
+    return None
 
 
 def _rounded(value: float, noise: float) -> float:
@@ -962,17 +1005,15 @@ def _rounded(value: float, noise: float) -> float:
 
 
 def _clock_warning(clock: ClockError, kind: str) -> Notice:
-    cures = [] if clock.time_scale == 1 else [option("time_scale", plain(clock.time_scale))]
-    if clock.time_offset:
-        cures.append(option("time_offset", plain(clock.time_offset)))
+    cures = " ".join(option(name, value) for name, value in clock.cures)
     return Notice(
         code="clock-shift",
         text=f"the clock of the estimate seems to {_clock_text(clock, kind)}. With a corrected "
         f"clock, the per-step GOSPA cost of {counted(clock.steps, 'step')} falls by "
         f"{min(100 * clock.saving, 99):.0f} % (without targets that are missed or false before "
         "and after the correction)",
-        remedy=f"write both files by one clock, or use {' '.join(cures)}. Do not correct the "
-        "latency of a tracker, because it is an error that should count. A constant error of "
+        remedy=f"write both files by one clock{f', or use {cures}' * bool(cures)}. Do not correct "
+        "the latency of a tracker, because it is an error that should count. A constant error of "
         "position along the direction of travel looks like a wrong clock, too",
     )
 

@@ -4,7 +4,8 @@ A trial undoes each suspected fault at some steps that both have. There is a war
 if this at least halves the per-step GOSPA cost.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, permutations, product
 
@@ -24,7 +25,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
     with_state,
 )
-from tgospa_eval.formats.headers import BOX
+from tgospa_eval.formats.headers import BOX, ask
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
@@ -59,17 +60,17 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
-    """Return a warning if two ids are the same number in different texts, such as 7 and 7.0."""
+    """Return warnings of ids that are the same number in different texts: 7, 07 and 7.0."""
     ids = side.ids.tolist()
-    pointed = [text for text in ids if "." in text]
-    whole = {text for text in ids if text.isdigit()} if pointed else ()
-    for text in pointed:
-        number, _, zeros = text.partition(".")
-        if zeros and not zeros.strip("0") and number in whole:
+    known: dict[str, str] = {}
+    for text in ids if any("." in text or text[:1] == "0" for text in ids) else ():
+        number = re.fullmatch(r"0*([0-9]+)(\.0*)?", text)
+        earlier = known.setdefault(number[1], text) if number else text
+        if earlier != text:
             return [
                 Notice(
                     code="id-types",
-                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are one "
+                    text=f"ids {quoted(earlier)} and {quoted(text)} of the {name} are one "
                     "number in two spellings, but they count as two tracks",
                     remedy="write each id in one way only",
                 )
@@ -271,20 +272,26 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
     return saved
 
 
-def state_warnings(sample: Sample) -> list[Notice]:
+def state_warnings(
+    sample: Sample, frames: Sequence[str] = ("", ""), headers: Mapping[str, str] | None = None
+) -> list[Notice]:
     """Return at most one warning, about units, axes or origin that look wrong.
 
     Parameters
     ----------
     sample : Sample
         Sample of `FIRST_STEPS` steps at most; if it looks wrong, more steps are sampled.
+    frames : pair of str
+        Declared coordinate frames of truth and estimate, or blanks.
+    headers : mapping of str to str, optional
+        Header of each column of the estimate, if it is a table.
     """
     if (
         not len(sample.steps)
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
     ):
         return []
-    best = _best(sample, _linear(sample)) if sample.is_bad else None
+    best = _best(sample, _linear(sample, frames, headers or {})) if sample.is_bad else None
     best = best or _best(sample, _displaced(sample), FITTED)
     suspicious = best is not None or few_are_near(sample.here)
     if suspicious and len(sample.steps) >= FIRST_STEPS:  # a fault is tested again with more steps
@@ -318,7 +325,7 @@ def _best(
     return best
 
 
-def _linear(sample: Sample) -> Iterator[_Change]:
+def _linear(sample: Sample, frames: Sequence[str], headers: Mapping[str, str]) -> Iterator[_Change]:
     """Yield changes of units, and changes of the order and the signs of columns."""
     columns = sample.columns
     size = len(columns)
@@ -334,27 +341,75 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         for factor, units in FACTORS.items()
         for names in ([angles] * bool(angles) if "degrees" in units else groups)
     ]
+    in_metres = sample.distance.on_earth or any(frames)
     for factor, units, names in tried:
-        named = ",".join(names)
         straight = np.array([name in names for name in columns])
-        for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
-            value = plain(float(f"{by:.15g}"))
-            way = option("unit_scale", value)  # this option is not for angles
-            if angles or names != lengths:
-                way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
+        for by, unit in ((factor, units[1]), (1 / factor, units[0])):
+            both = [_own_columns(names, frame, whole=names == lengths) for frame in frames]
+            # What is in metres stays so if metres are compared, or other columns are in one unit.
+            stays = unit == "metres" and (in_metres or names == upward != lengths)
+            wrong = int(not both[0] or (bool(both[1]) and not stays))
+            own = both[wrong]
+            scale = by if wrong else 1 / by
+            value = plain(float(f"{scale:.15g}"))
+            way = option("unit_scale", value)  # angles and the truth lack this option
+            if angles or names != lengths or not wrong:
+                way = option(f"{SIDES[wrong]}_scale", ",".join(f"{n}={value}" for n in own))
+            what, other = units if scale < 1 else units[::-1]
             yield _Change(
                 code="unit-scale",
-                text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
-                f"of the truth, as if in {own} instead of {other}; with {named} of the "
-                f"estimate multiplied by {by:.6g},",
+                text=f"coordinates of the {SIDES[wrong]} seem {factor:.6g} times too "
+                f"{'large' if scale < 1 else 'small'} for those of the {SIDES[1 - wrong]}, as if "
+                f"in {what} instead of {other}; with {','.join(own or names)} of the "
+                f"{SIDES[wrong]} multiplied by {scale:.6g},",
                 remedy="write both files in one unit"
-                + f", or use {way}" * ("degrees" not in units),
+                + f", or use {way}" * bool(own and "degrees" not in units),
                 order=same,
                 factor=np.where(straight, by, 1.0),
                 offset=none,
             )
     for order, signs in _turns(columns):
-        yield _turned(columns, order, signs)
+        change = _turned(columns, order, signs)
+        yield replace(change, remedy=_swap(columns, order, signs, frames, headers) or change.remedy)
+
+
+def _own_columns(names: list[str], frame: str, *, whole: bool) -> list[str]:
+    """Return the columns of a side in this frame to which these columns are in proportion.
+
+    `whole` says whether these are all lengths.
+    """
+    if frame.startswith("range"):
+        return ["range"] * whole
+    if frame.startswith("lat") and names[0] not in PLACES:
+        return [HEIGHT] if names in (["z"], [HEIGHT]) else []
+    return names
+
+
+def _swap(
+    columns: tuple[str, ...],
+    order: tuple[int, ...],
+    signs: Floats,
+    frames: Sequence[str],
+    headers: Mapping[str, str],
+) -> str:
+    """Return the remedy for columns that are exchanged; blank if no option exchanges them."""
+    is_ned = order[:2] == (1, 0) and order[2:] == (2,) * (len(order) - 2)
+    if is_ned and (signs == [1, 1, -1][: len(order)]).all():
+        for role, frame in list(zip(SIDES, frames, strict=True))[::-1]:
+            if frame in ("enu", "ned"):
+                return option(f"{role}_crs", "ned" if frame == "enu" else "enu")
+    is_own = frames[1] in ("", "enu", "ned", ",".join(columns))  # else axes are turned or others
+    if not is_own or list(order) == sorted(order) or (signs < 0).any() or {*columns} - {*headers}:
+        return ""
+    swapped = [headers[columns[k]] for k in order]
+    items = [
+        name if header.casefold() == name else f"{name}={header}"
+        for name, header in zip(columns, swapped, strict=True)
+    ]
+    return (
+        "write both files in the same axes, or swap the headers with "
+        f"{ask('estimate_columns', items)}"
+    )
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
@@ -393,25 +448,18 @@ def _turned(
 ) -> _Change:
     """Return the change to a new order and new signs of the columns."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
-    moved = [
-        (name, columns[source])
-        for k, (name, source) in enumerate(zip(columns, order, strict=True))
-        if source != k
-    ]
-    mapping = ",".join(f"{name}=HEADER" for name, _ in moved)
-    names = " and ".join(name for name, _ in moved)
+    moved = [name for k, name in enumerate(columns) if order[k] != k]
+    names = " and ".join(moved)
     if moved:
         text = f"{names} of the estimate seem swapped"
         text += f", with {' and '.join(negated)} negated" if negated else ""
     else:
         text = f"{' and '.join(negated)} of the estimate {'seem' if len(negated) > 1 else 'seems'}"
         text += " negated"
-    named = f", or swap the headers with {option('estimate_columns', mapping)}"
-
     return _Change(
         code="axis-swap" if moved else "axis-sign",
         text=f"{text}; without this fault,",
-        remedy="write both files in the same axes" + named * (bool(moved) and not negated),
+        remedy="write both files in the same axes",
         order=order,
         factor=signs,
         offset=np.zeros(len(columns)) if offset is None else offset,

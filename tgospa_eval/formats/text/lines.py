@@ -28,6 +28,7 @@ from tgospa_eval.formats.fields import (
     attribute_of,
     floats,
     is_number,
+    is_rounded,
     read_times,
     remedy_for,
 )
@@ -462,7 +463,10 @@ def convert(
         second = None if roles.second is None else coded[roles.second]
         times = read_times(coded[roles.time], decimal, roles.options.form, second, roles.digits)
     except TimeError as error:
-        problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
+        texts = [coded[column] for column in (*roles.dates[:1], roles.time)]
+        why = roles.dated(texts, decimal, error.row)
+        place = f"{where(error.row)}, column {quoted(names[roles.time])}"
+        problems.append(f"{place}: {why or error}")
     if problems:
         raise InputError(*problems)
     return Rows(
@@ -485,7 +489,7 @@ def plain_id(text: str) -> str:
     Numeric programs write ids so. Other ids are unchanged, but NaN becomes blank.
     """
     text = text.strip()
-    if text.isdigit() or "_" in text or not text.isascii():
+    if text.isdigit() or "_" in text or not text.isascii() or is_rounded(text):
         return text
     from decimal import Decimal  # lazy: slow to import, and few numbers are ids
 

@@ -29,16 +29,17 @@ from functools import partial
 
 import numpy as np
 
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
-from tgospa_eval.formats.headers import BOX
+from tgospa_eval.formats.headers import BOX, unit_of
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
-from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
+from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered, spacings
 from tgospa_eval.formats.text.lines import (
     BLANKS,
     ROWS_OF_BLOCK,
@@ -140,11 +141,15 @@ def header_of(
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where, wide=wide)
-        except (InputError, csv.Error) as error:
+        except (InputError, csv.Error) as caught:
+            error: Exception = caught
             # If the line may be a header, the error names its columns; else it describes the line.
-            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # an error of csv
             if are_numbers(fields) and not foreign(line):
-                why = without_header(fields, options.option, "").removeprefix(": ")
+                rows = split_rows(lines_of(text, match.start()), delimiter)
+                order = _likely_order(itertools.islice(rows, ROWS_OF_BLOCK), options.decimal)
+                error = InputError(without_header(fields, options.option, where, order))
+            error = _as_formats_have_it(error, delimiter, len(fields))
+            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # an error of csv
             is_named = isinstance(error, InputError) and not foreign(line)
             mistake = InputError(f"{where}: {why}")
             if isinstance(error, InputError):
@@ -165,7 +170,14 @@ def header_of(
             passed.append(f"{above}{what} above the header passed over")
         below = 0  # wide tables have no lines of units
         if not wide:
-            below, start = _lines_of_units(text, start, len(names), delimiter, roles)
+            below, begin = _lines_of_units(text, start, len(names), delimiter, roles)
+            stated = {
+                k: unit
+                for line in itertools.islice(lines_of(text, start), below)
+                for k, field in enumerate(_fields(line, delimiter))
+                if (unit := unit_of(f"in {field}"))
+            }
+            roles, start = replace(roles, stated=stated), begin
         if below:
             lines = counted(below, "line")
             passed.append(f"{lines} of units or names below the header passed over")
@@ -174,6 +186,24 @@ def header_of(
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     of_comments = faults.pop(-1, blank)
     raise next(iter(faults.values()), of_comments)
+
+
+def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Exception:
+    """Return the error; formats are only proposed with the delimiter that they have."""
+    if delimiter != ";" and not (delimiter == "," and width in KITTI_WIDTHS):
+        return error
+    way = "or separate the fields by blanks and name the"
+    return type(error)(str(error).replace("or name the", way))
+
+
+def _likely_order(rows: Iterable[list[str]], decimal: str) -> str:
+    """Return the likely order of the columns id, t, x, y, by distances of consecutive rows."""
+    with suppress(ValueError, csv.Error):  # other rows have no likely order
+        kept = [[float(field.replace(decimal, ".")) for field in row[:4]] for row in rows if row]
+        first, second, *places = np.array(kept).T
+        of_ids, of_steps = spacings(first, second, np.array(places).T)
+        return "t,id,x,y" if of_ids > of_steps else "id,t,x,y"
+    return "id,t,x,y"
 
 
 def _lines_of_units(
@@ -261,15 +291,26 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     if other == delimiter or other not in text:
         return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
-    certain = False
+    grouped, certain, elsewhere = "", False, False
     with suppress(csv.Error):  # reported when rows are read
         for row in rows:
-            for field in (row[k].strip() for k in columns if k < len(row)):
+            for k, field in enumerate(map(str.strip, row)):
                 if re.fullmatch(DECIMAL, field):
-                    if requested in field:
+                    is_clear = not re.fullmatch(GROUPED_NUMBER, field)
+                    if k not in columns:
+                        elsewhere |= is_clear and other in field
+                    elif requested in field and is_clear:
                         return roles, requested
-                    certain |= not re.fullmatch(GROUPED_NUMBER, field)
-    if not certain:
+                    elif requested in field:
+                        grouped = field
+                    else:
+                        certain |= is_clear
+    if grouped and (elsewhere or certain):
+        mark = "comma" if other == "," else "point"
+        text = f"{quoted(grouped)} may have a thousands mark: other numbers have a decimal {mark}"
+        doubt = Notice(code="thousands", text=text, remedy="write numbers without thousands marks")
+        return replace(roles, doubts=(*roles.doubts, doubt)), requested
+    if grouped or not certain:
         return roles, requested
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
     return replace(roles, passed=(*roles.passed, notice)), other
@@ -310,6 +351,7 @@ KITTI_RULE = (
     "KITTI tracking labels have 17, or 18 with a score: frame track_id type truncated occluded "
     "alpha left top right bottom ..."
 )
+KITTI_WIDTHS = (17, 18)
 KITTI_UNKNOWN = -1000.0
 
 
@@ -369,7 +411,7 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     InputError
         The content is wrong (see `formats.read`).
     """
-    layouts = {width: KITTI_FIELDS[:width] for width in (17, 18)}
+    layouts = {width: KITTI_FIELDS[:width] for width in KITTI_WIDTHS}
     rows, texts = _read(
         path, data, options, layouts, KITTI_RULE, ("class",), given=given, commas=False
     )
@@ -431,7 +473,8 @@ def _read(
     place = f"{path}, line {first}"
     count = len(split(line)) if line else next(iter(layouts))
     if count not in layouts:
-        raise InputError(f"{place}: {counted(count, 'field')}; {rule}")
+        marks = f"; separate the fields by {'commas or ' * commas}blanks" * (count == 1)
+        raise InputError(f"{place}: {counted(count, 'field')}; {rule}{marks}")
     names = layouts[count]
     roles = replace(find_roles(names, options, place, fixed=True), unused=())
     wanted = {name: names.index(name) for name in texts if name in names}
