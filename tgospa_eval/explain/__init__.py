@@ -48,19 +48,19 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 # -------------------------------------------------------------------------------------------------
-# Proof of savings: components that a repair touches are evaluated again; others keep their bounds.
+# Proof of savings.
 #
-#     V = sum over components of V_b + sum of the prices of tracks outside all components,
-#
-# and a repair changes few components (docs/theory/solvers.md, "Repairs").
+# A bound of the cost is the sum of the bounds of the components, plus the cost of the objects and
+# tracks in no component. A repair changes few components, so only these are solved again
+# (docs/theory/solvers.md, "Repairs").
 
 
 Masks = tuple[Mask, Mask]
-"""Masks of true objects and of estimates."""
+"""A mask of true objects and a mask of tracks."""
 
 
 class Trials:
-    """Trials of repairs of an evaluated estimate.
+    """Trials of repairs of an evaluated estimate: each is applied, and its cost is proven.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Trials:
     assigned : Assigned
         Assignment of the evaluation.
     sides : AlignedPair
-        Evaluated sides.
+        Truth and estimate of the evaluation.
     request : EvaluationRequest
         Options of the evaluation.
     """
@@ -90,7 +90,7 @@ class Trials:
         filters = {name.rpartition("_")[2] for name in request.recorded}
         self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
-            sides.distance is not request.distance  # settings of the distance come from the data
+            sides.distance is not request.distance  # the data decide settings of the distance
             or "reduce" in distance
             or reach_of(self.aligned.truth, request) is not None
         )
@@ -98,10 +98,15 @@ class Trials:
     def run(
         self, candidates: Sequence[Candidate], stopwatch: Stopwatch
     ) -> list[tuple[Candidate, Bounds, float]]:
-        """Return each candidate that was tried before the stop, with its proven costs.
+        """Try repairs until all are tried or the user stops.
 
-        These are the bounds of the cost after the repair, and the cost of the assignment found, in
-        units of c^p.
+        Repairs after which the evaluation is not possible are left out.
+
+        Returns
+        -------
+        list of tuples
+            Each repair that was tried, the proven bounds of the cost after it, and the cost of the
+            computed assignment, in units of c^p.
         """
         progress = stopwatch.progress
         tried = []
@@ -116,7 +121,10 @@ class Trials:
         return tried
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
-        """Evaluate the estimate after an edit, as a whole or by components."""
+        """Return bounds and cost of the estimate after an edit; if possible, solve only components.
+
+        Only the components that the edit touches are solved if the edit leaves the rest unchanged.
+        """
         conversion = own_conversion(self.request, self.estimate)
         after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
         if self.request.ignoring is not None:
@@ -132,7 +140,7 @@ class Trials:
         return self._evaluated(sides, edit, stopwatch)
 
     def _keeps_rest(self, edit: Edit, after: Alignment) -> bool:
-        """Check that the truth and the tracks outside an edit are unchanged."""
+        """Check that `after` has the same truth, and the same tracks except those of the edit."""
         before = self.aligned
         is_other = np.ones(len(self.number) + len(edit.fresh), bool)
         is_other[list(self._tracks(edit))] = False
@@ -143,20 +151,26 @@ class Trials:
         return is_same(before.truth, after.truth) and is_same(first, second)
 
     def _tracks(self, edit: Edit) -> set[int]:
-        """Return the tracks that an edit changes."""
+        """Return the indices of the tracks that an edit changes or adds."""
         fresh = range(len(self.number), len(self.number) + len(edit.fresh))
         added = () if edit.added is None else edit.added.track.tolist()
         return {*edit.pieces, *added, *fresh}
 
     def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
-        """Return the numbers of the tracks of an estimate in an edit."""
+        """Return, for each track of an estimate, its index as the edit counts tracks.
+
+        The edit counts the tracks before it first, and then its new tracks.
+        """
         number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
         return np.array([number[name] for name in side.ids.tolist()], np.int64)
 
     def _of_components(
         self, edit: Edit, after: AlignedPair, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Evaluate again the components that an edit touches, and keep bounds of all others."""
+        """Solve the components that an edit touches, and keep the bounds of all others.
+
+        `after` has truth and estimate after the edit.
+        """
         problem = self.problem
         side = after.alignment.estimate
         track = self._numbers(side, edit)[side.track]
@@ -182,9 +196,12 @@ class Trials:
         )
 
     def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
-        """Return the tracks of all components that an edit touches, and a mask of these components.
+        """Return masks of the objects and tracks that an edit touches, and of their components.
 
-        `track` (R,) has the numbers of the tracks of the rows `after` the edit.
+        The edit touches a component if it changes a track of the component. If rows can be new, it
+        is also enough that a changed track is near an object of the component after the edit.
+        `after` is the estimate after the edit, with R rows. `track` (R,) has the index of the track
+        of each row, from `_numbers`.
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)
@@ -200,7 +217,7 @@ class Trials:
                 distance,
             )
             truth_in[truth.track[pairs.truth_row]] = True
-        blocks = np.zeros(len(self.lower) + 1, bool)  # the last is for tracks without a component
+        blocks = np.zeros(len(self.lower) + 1, bool)  # the last element means "no component"
         for mask, block in zip((truth_in, estimate_in), self.blocks, strict=True):
             blocks[block[mask]] = True
         blocks[-1] = False
@@ -211,7 +228,7 @@ class Trials:
     def _evaluated(
         self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Evaluate both sides, starting from the solution before the edit."""
+        """Return bounds and cost of two sides, solved from the solution before the edit."""
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solver = self.request.solver
         if isinstance(solver, Certified):
@@ -222,7 +239,7 @@ class Trials:
         return bounds, split.total
 
     def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
-        """Return the current assignment and prices, with the numbers of tracks after the edit."""
+        """Return the assignment and the prices before the edit, translated to the edited tracks."""
         old = self.assigned.saved
         run, estimate, begin, end = renamed(old, edit)
         became = edit.tracks(old.priced, old.step)
@@ -243,21 +260,21 @@ class Trials:
         step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
-        # A true object that had no row on the grid before the edit had no pair.
+        # A true object without a row on the old grid had no pair, so nothing is known about it.
         known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
         origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
 
 
 # -------------------------------------------------------------------------------------------------
-# From a result to its repairs.
+# The repairs of a result.
 
 
 TOP = 10
 """Default number of listed repairs."""
 
 TRIED = 2
-"""Largest number of repairs that are tried for each listed repair."""
+"""At most this many times the number of listed repairs are tried."""
 
 
 def explain(
@@ -280,8 +297,8 @@ def explain(
     Raises
     ------
     ConfigError
-        `top` is less than 1, the result does not have its data, or options of the evaluation do not
-        support repairs.
+        `top` is less than 1, the result does not contain its data, or repairs are not supported
+        with an option of the evaluation.
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
@@ -320,16 +337,18 @@ def explain(
 
 
 def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
-    """Return the conversion from the units of the estimate.
+    """Return the conversion from the units of the estimate to those of the evaluation.
 
-    It scales times only if they are plain numbers.
+    It scales times only if the times of the estimate are plain numbers.
     """
     scaled = estimate.clock == "number"
     return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Return kinds of repairs after which options could leave out other rows than before.
+    """Return the kinds of repairs that are not tried.
+
+    After these repairs, filters of rows could leave out other rows than before.
 
     Raises
     ------
@@ -354,7 +373,10 @@ def _candidates(
     assigned: Assigned,
     limit: int,
 ) -> Iterator[Candidate]:
-    """Yield repairs that may save cost; `limit` bounds drops, fills, and extensions at each end."""
+    """Yield repairs with an estimated saving above 0.
+
+    `limit` is the largest number of drops, of fills, and of extensions at each end.
+    """
     estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
@@ -381,7 +403,11 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """Return the repair of a candidate, with its names and the proven cost after it."""
+    """Return the repair of a candidate, with ids and times as the user knows them.
+
+    `after` has the bounds of the cost after the repair, and `total` is the cost of its assignment,
+    in units of c^p.
+    """
     edit, labels, scale = candidate.edit, result.labels, result.scale
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
@@ -411,7 +437,10 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Round a saving down (-1) or up (1) by more than the error of its product and difference."""
+    """Round a saving down (-1) or up (1).
+
+    It is rounded by more than the rounding error of ``scale * (before - after)``.
+    """
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 
 

@@ -1,7 +1,8 @@
-"""Repairs that may save cost, with estimated savings if the rest of the assignment stays.
+"""Repairs that may save cost, and their estimated savings.
 
-Costs are in units of c^p. The estimates only decide which repairs are tried. `explain` then proves
-the savings.
+A saving is estimated as if the rest of the assignment remained the same. The estimated savings only
+decide which repairs are tried; `explain` then proves the savings. Costs are in units of c^p. Sizes
+of arrays, such as (S,), are explained in `problem.states`.
 """
 
 from bisect import bisect_left
@@ -29,17 +30,17 @@ from tgospa_eval.tracks.trajectories import Attributes, TimeArray, Trajectories,
 from tgospa_eval.tracks.weights import EXISTENCE, existence_of
 
 # -------------------------------------------------------------------------------------------------
-# Edits of the rows of an estimate, independent of the metric.
+# Edits of the rows of an estimate. They do not depend on the metric.
 
 NO_PARTNER = -1
-"""Partner of an unassigned row."""
+"""Value instead of a row or track, for a row without a partner."""
 
 
 class AssignedStretch(NamedTuple):
     """Assignment of a true object to an estimate from step `begin` to step `end`, inclusive.
 
-    The assignment continues at steps at which one of the two is missing, as in the linear
-    programme.
+    It includes steps at which one of the two does not exist, because the linear programme also
+    assigns them.
     """
 
     truth: int
@@ -49,7 +50,7 @@ class AssignedStretch(NamedTuple):
 
 
 class Track:
-    """Rows of the truth or of the estimate, track by track in the order of time."""
+    """Index of the rows of truth or estimate, to look up all rows of a track, or that of a step."""
 
     def __init__(self, side: Objects, steps: int) -> None:
         self.side, self.steps = side, steps
@@ -58,11 +59,11 @@ class Track:
         self._key = side.step.astype(np.int64) * side.count + side.track
 
     def rows(self, track: int) -> Ints:
-        """Return the rows of a track."""
+        """Return the rows of a track, in order of time."""
         return self.order[self.first[track] : self.first[track + 1]]
 
     def find(self, track: Ints, step: Ints) -> Ints:
-        """Return the row of each track at its step, `NO_PARTNER` if the track does not exist."""
+        """Return the row of each track at its step, `NO_PARTNER` if it does not exist there."""
         if not len(self._key):
             return np.full(len(track), NO_PARTNER)
         key = step.astype(np.int64) * self.side.count + track
@@ -72,7 +73,7 @@ class Track:
 
 
 class Assigned:
-    """The assignment of a solved problem.
+    """Assignment of a solved problem.
 
     Parameters
     ----------
@@ -86,14 +87,14 @@ class Assigned:
     Attributes
     ----------
     truth, estimate : Track
-        Rows of both sides.
+        Rows of the truth and of the estimate.
     followed, follows : (R,) int arrays
-        Estimate with the largest weight for each truth row, and true object with the largest weight
-        for each estimate row.
+        For each truth row, the near estimate with the largest weight. For each estimate row, the
+        near true object with the largest weight. `NO_PARTNER` if there is none.
     cost : (R,) float array
-        Cost of the pair of each estimate row that follows a true object.
+        Cost of the pair of each estimate row that follows a true object, else 0.
     saved : SavedSolution
-        Assignments over time, and prices.
+        Assignment over time, and prices.
     """
 
     def __init__(self, states: States, weights: Ints, prices: Floats) -> None:
@@ -103,7 +104,7 @@ class Assigned:
         sides = problem.sides
         self.truth, self.estimate = (Track(side, problem.steps) for side in sides)
         used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-        used = used[np.argsort(weights[used], kind="stable")]  # the largest comes last and is kept
+        used = used[np.argsort(weights[used], kind="stable")]  # later, larger weights overwrite
         entry = states.entry[used].astype(np.int64)
         i, j = problem.truth_row[entry], problem.estimate_row[entry]
         self.followed = np.full(len(problem.truth_step), NO_PARTNER)
@@ -115,7 +116,7 @@ class Assigned:
 
     @cached_property
     def stretches(self) -> list[AssignedStretch]:
-        """Stretches with a weight above 0.5, in the order of true object and time."""
+        """Stretches with a weight above 0.5, sorted by true object and time."""
         kept = self.saved
         main = np.flatnonzero(kept.weight > 0.5)
         main = main[np.lexsort((kept.begin[main], kept.truth[main]))]
@@ -133,12 +134,12 @@ class Assigned:
 
 
 TrackPiece: TypeAlias = tuple[int, int, int]
-"""First and last step (inclusive) of some rows of a track, and their track after the edit."""
+"""Piece of a track: first and last step (inclusive), and the track of its rows after the edit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AddedRows:
-    """Rows to add.
+    """Rows to add to an estimate.
 
     Parameters
     ----------
@@ -147,9 +148,9 @@ class AddedRows:
     state : (N, d) float array
         State of each row.
     covariance : (N, d (d + 1) / 2) float array, optional
-        Lower triangles of covariances, if the other rows have covariances.
+        Lower triangles of covariances, if the rows of the estimate have covariances.
     attributes : mapping of str to (N,) array, optional
-        Attributes that the other rows have, too. An attribute that is not given has missing values.
+        Values of some attributes of the estimate. Values of its other attributes are missing.
     """
 
     step: Ints
@@ -161,20 +162,20 @@ class AddedRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edit:
-    """Change of an estimate; steps and tracks are those of the estimate on the grid.
+    """Change of an estimate. Steps and tracks are indices in the estimate on the grid.
 
     Parameters
     ----------
     pieces : mapping of int to sequence of TrackPiece
-        Pieces of each track that changes. Rows outside all pieces are dropped.
+        Pieces of each track that changes. Rows of these tracks outside all pieces are dropped.
     fresh : tuple of str
-        Ids of new tracks, which are numbered after the existing tracks.
+        Ids of new tracks. Their indices continue those of the existing tracks.
     added : AddedRows, optional
         Rows to add.
     shift : int
-        Number of steps by which every row is moved.
+        Number of steps by which every row is moved to a later step, or to an earlier one if < 0.
     offset : (d,) float array, optional
-        Offset that is subtracted from every state.
+        Value of each state column that is subtracted from every state.
     """
 
     pieces: Mapping[int, tuple[TrackPiece, ...]] = field(default_factory=dict)
@@ -185,11 +186,14 @@ class Edit:
 
     @property
     def local(self) -> bool:
-        """True if the edit leaves most tracks unchanged."""
+        """True if the edit changes only some tracks: it has no shift and no offset."""
         return not self.shift and self.offset is None
 
     def tracks(self, track: Ints, step: Ints) -> Ints:
-        """Return the tracks of rows after the edit, -1 for dropped rows."""
+        """Return the track of each row after the edit, -1 for dropped rows.
+
+        `track` and `step` have the track and the step of each row before the edit.
+        """
         after = track.astype(np.int64)
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
@@ -201,7 +205,11 @@ class Edit:
 
 
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return assigned stretches after an edit: old number, new estimate, begin and end."""
+    """Translate the assignments of a solution to the tracks after an edit.
+
+    Return, for each resulting assignment, its index in `old`, the estimate after the edit, and the
+    first and last step.
+    """
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
     for track, pieces in edit.pieces.items():
@@ -215,14 +223,14 @@ def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def as_read(estimate: Trajectories) -> Trajectories:
-    """Return the estimate as read from files, without marks made by options."""
+    """Return the estimate as read from files, without the marks that options added to rows."""
     made = NOT_COUNTED, AWAY
     kept = {name: values for name, values in estimate.attributes.items() if name not in made}
     return replace(estimate, attributes=kept)
 
 
 def is_same(first: Trajectories, second: Trajectories) -> bool:
-    """Check that two sides on the same grid agree in all data that affect the metric."""
+    """Check that two sets of trajectories are equal in all data that affect the metric."""
 
     def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
         around = [] if side.covariance is None else [side.covariance]
@@ -236,7 +244,7 @@ def is_same(first: Trajectories, second: Trajectories) -> bool:
 
 
 def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
-    """Return the estimate after an edit, with the timestamps of the grid at which it has rows."""
+    """Return the estimate after an edit; timestamps at which it has no row are left out."""
     track = edit.tracks(estimate.track, estimate.step)
     kept = np.flatnonzero(track >= 0)
     track, step = track[kept], estimate.step[kept].astype(np.int64)
@@ -259,7 +267,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past adds timestamps at the beginning, and rows keep their step numbers.
+    # A shift to the past adds timestamps at the beginning: rows keep the indices of their steps.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -279,7 +287,11 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """Return timestamps extended for a shift by the median time step, and their texts."""
+    """Return the timestamps and their texts, with as many new ones as a shift needs.
+
+    New timestamps are at the end if `shift` > 0, else at the beginning. The median time step is
+    their spacing.
+    """
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
@@ -294,12 +306,15 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
-    """Return the edit that splits a track at a step; the rest becomes a track with a new name."""
+    """Return the edit that splits a track: rows from `step` on become a new track.
+
+    `name` is the id of the new track. `steps` and `tracks` are the numbers of steps and tracks.
+    """
     return Edit(pieces={track: ((0, step - 1, track), (step, steps - 1, tracks))}, fresh=(name,))
 
 
 def exchange(first: int, second: int, step: int, steps: int) -> Edit:
-    """Return the edit that exchanges two tracks from a step on."""
+    """Return the edit that exchanges two tracks from a step on; `steps` is the number of steps."""
     return Edit(
         pieces={
             a: ((0, step - 1, a), (step, steps - 1, b))
@@ -321,13 +336,13 @@ class Candidate:
     kind : str
         Kind of the repair, one of `results.explanation.KINDS`.
     saving : float
-        Estimated saving for the current assignment, in units of c^p.
+        Estimated saving, in units of c^p.
     edit : Edit
-        Edit of the estimate.
+        Change of the estimate.
     tracks : tuple of int
-        Numbers of the changed estimates; empty if all change.
+        Indices of the changed tracks; empty if all tracks change.
     begin, end : int, optional
-        First and last step of the repair.
+        First and last step at which the repair changes the estimate.
     """
 
     kind: str
@@ -341,13 +356,17 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """Return a candidate for a track between the first and the last of these steps."""
+    """Return a candidate whose first and last step are the first and last of `steps`."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
 
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
-    """Yield the exchange or merge of two estimates at each switch of a true object between them."""
+    """Yield a repair for each switch of a true object from one track to another.
+
+    If the two tracks have no step in common, it merges them. Otherwise it exchanges them from the
+    switch on.
+    """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
@@ -391,14 +410,14 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
-    """Return the first step, not before `step`, at which one of two tracks exists."""
+    """Return the first step from `step` on at which one of two tracks exists; None if neither."""
     steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
     later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
 
 
 def _in_time(assigned: Assigned, a: int, b: int, step: int) -> tuple[int, int]:
-    """Return two tracks in order: first the track that ends before the step, if one does."""
+    """Return two tracks, in the order (b, a) if track b ends before `step`, else (a, b)."""
     last = int(assigned.estimate.side.step[assigned.estimate.rows(b)][-1])
     return (b, a) if last < step else (a, b)
 
@@ -408,7 +427,11 @@ def _changes(estimates: list[int]) -> int:
 
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
-    """Return the number of changes of a true object that an exchange from a step on saves."""
+    """Return by how much an exchange of two tracks reduces the changes of one true object.
+
+    `stretches` are those of the true object, and the exchange begins at `step`. The result is
+    negative if the exchange adds a change.
+    """
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
     if not before or after == len(stretches):
@@ -419,7 +442,10 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 
 
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Yield the split of an estimate at each change of its true object; `names` are all ids."""
+    """Yield a split of a track at each step at which it changes to another true object.
+
+    `names` has the ids of all tracks.
+    """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -445,7 +471,7 @@ def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
 
 
 def _other_name(name: str, names: set[str]) -> str:
-    """Return this name with an unused number."""
+    """Return the name with a number that makes it different from all `names`."""
     number = 2
     while f"{name}_{number}" in names:
         number += 1
@@ -453,11 +479,11 @@ def _other_name(name: str, names: set[str]) -> str:
 
 
 def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
-    """Yield tracks to drop, and unassigned ends of tracks to cut off."""
+    """Yield drops of whole tracks, at most `limit`, and removals of unassigned ends of tracks."""
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # A state that follows a true object saves the cost of a miss minus the cost of the pair.
+    # `worth` is what a state saves: if it follows a true object, a miss minus the cost of the pair.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -489,16 +515,16 @@ def _without_rows(assigned: Assigned, track: int, rows: Ints) -> Candidate:
 
 
 # -------------------------------------------------------------------------------------------------
-# Repairs that add or move states: gaps filled, tracks extended, the whole estimate moved.
+# Repairs that add or move states: filling gaps, extending tracks, moving the whole estimate.
 #
-# Savings for the current assignment are measured by the base distance. For Gaussians and clouds, a
-# distance between the means is used, which is not larger.
+# Savings are estimated by the base distance. For Gaussians and clouds, a distance between the means
+# is used instead. It is at most the base distance.
 
 LONGEST_EXTENSION = 50
 """Largest number of steps of an extension."""
 
 BEHIND = 5
-"""Largest number of states for the velocity of an extension."""
+"""Largest number of states from which the velocity of an extension is computed."""
 
 SHIFTS = (1, 2, 3, 4, 5)
 SAMPLED_PAIRS = 4000
@@ -506,16 +532,16 @@ SAMPLED_PAIRS = 4000
 
 
 class StatePlaces:
-    """Places of all states, for estimates of the savings of repairs.
+    """States of truth and estimate, and distances between them, to estimate savings.
 
     Attributes
     ----------
     truth, estimate : Trajectories
-        Both sides on the grid.
+        Truth and estimate on the grid.
     timestamps : (T,) float array
         Timestamps of the grid, as numbers.
     distance : Distance
-        Distance between states without covariances.
+        Base distance; for Gaussians and clouds, a distance between the means that is not larger.
     parameters : Parameters
         Cutoff and order.
     period : (d,) float array
@@ -533,7 +559,7 @@ class StatePlaces:
         self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
-        """Return ``(d / c)^p`` of states and truth rows (N,), infinite for negative rows."""
+        """Return ``(d / c)^p`` for N states and their truth rows, infinite for negative rows."""
         there = row >= 0
         distance = self.distance(state[there], self.truth.state[row[there]])
         costs = np.full(len(row), np.inf)
@@ -541,14 +567,14 @@ class StatePlaces:
         return costs
 
     def difference(self, first: Floats, second: Floats) -> Floats:
-        """Return the difference of states, by the shorter way for periodic columns."""
+        """Return second minus first, by the shorter way for periodic columns."""
         delta = second - first
         turns = np.rint(delta / self.period)
         return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
 
 
 def filled(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Yield the filling of each gap of a track on a straight line between its ends."""
+    """Yield fills of gaps in tracks, at most `limit`: states on a line between both ends."""
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
     size = side.step[right].astype(np.int64) - side.step[left] - 1
@@ -581,10 +607,11 @@ def _with_rows(
     ends: tuple[Ints, Ints],
     share: Floats,
 ) -> Candidate:
-    """Return the candidate that adds rows to a track.
+    """Return the candidate that adds N rows to a track.
 
-    Values other than states are interpolated between the two rows in `ends`, each (N,): `share`
-    (N, 1) is 0 at the first row and 1 at the second.
+    `step` and `state` have the step and the state of each row. Covariances and probabilities of
+    existence are interpolated between two existing rows of the track, which `ends` has for each new
+    row: two arrays (N,). `share` (N, 1) is 0 for the value of the first row and 1 for the second.
     """
     order = np.argsort(step)
     first, second = ends
@@ -610,7 +637,11 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """Return estimated savings (N,) of new states; `wanted` has their true objects and steps."""
+    """Return the estimated saving of each of N new states, negative if the state would be false.
+
+    `wanted` has the true object that each state would follow, and its step. `price` is the cost of
+    each state if it is false.
+    """
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
     price_of_row = assigned.problem.truth_price
@@ -620,7 +651,10 @@ def _added_saves(
 
 
 def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Yield extensions of tracks at either end, at constant velocity, over missed targets."""
+    """Yield extensions of tracks at constant velocity, to follow targets that are missed.
+
+    There are at most `limit` extensions forward in time, and as many backward.
+    """
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
     first, last = tracks.first[there], tracks.first[there + 1] - 1
@@ -658,7 +692,7 @@ def extended(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Ca
 def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
     """Yield the shift of the whole estimate with the largest estimated saving.
 
-    Shifts are by one of `SHIFTS` steps, in either direction.
+    The number of steps is one of `SHIFTS`, in either direction.
     """
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
@@ -677,7 +711,10 @@ def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
 
 
 def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
-    """Yield the removal of the median difference between estimates and the objects they follow."""
+    """Yield the repair that subtracts an offset from all states.
+
+    The offset is the median difference between estimates and the objects that they follow.
+    """
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
     if not len(row):

@@ -52,26 +52,29 @@ from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
-"""If files are smaller, in bytes, workers start late; seconds of work before they start.
-A start takes a second. With larger files, this process would need the memory of a worker too."""
+"""If all files have fewer bytes than SMALL_DATA, this process works for BEFORE_WORKERS seconds
+before workers start, because a start takes a second. With larger files workers start at once:
+otherwise this process would need as much memory as a worker."""
 
 ROWS_SUMMED = 1 << 18
-"""Assigned pairs that are added up at once."""
+"""Number of assigned pairs that are added up at once."""
 
 ROUNDED = 1e-9
-"""Largest tracked share that counts as zero, because weights are rounded."""
+"""Largest share of followed steps that counts as zero, because weights are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSummary(Reading):
-    """Facts about a side after its rows were read; its `trajectories` have only the timestamps.
+    """Facts about a side after all its rows were read. Its `trajectories` have only the times.
+
+    Rows that options leave out, such as duplicates or other classes, do not *take part*.
 
     Parameters
     ----------
     at_steps : int
-        Number of rows that take part and have the time of a step.
+        Number of rows that take part and are at a step.
     sums : list of tuple of int
-        `row_sums` of the rows that take part, for each block.
+        Results of `tracks.coverage.row_sums` for the rows of each block that take part.
     """
 
     at_steps: int
@@ -79,12 +82,12 @@ class SideSummary(Reading):
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
-        """Summarise the output of `scan` for all blocks of a side.
+        """Summarise a side from the facts that `scan` wrote for all its blocks (`READ`).
 
         Raises
         ------
         InputError
-            No row has a known position.
+            All rows have the same position, so the positions seem to be unknown.
         """
         left_out = Counter(side.steps.left_out)
         for block in blocks:
@@ -116,11 +119,11 @@ class SideSummary(Reading):
 
     @property
     def off(self) -> int:
-        """Number of rows that take part and do not have the time of a step."""
+        """Number of rows that take part and are not at a step."""
         return self.taken - self.at_steps
 
     def has_class(self, name: str) -> bool:
-        """Return whether any row has a requested class; a single block does not know all names."""
+        """Return True if a row of any block has this requested class."""
         return name in self.named
 
 
@@ -145,22 +148,23 @@ def evaluate_partitioned(
     reading : pair of ReadOptions
         Options for reading them.
     request_of : callable
-        Function that receives the names of the state columns and returns the request.
+        Function that receives the names of the state columns, and returns the options of the
+        evaluation.
     work : Path
-        Folder for intermediate results and for the tables of the result. The same evaluation
-        continues from the results in it.
+        Folder for intermediate results and for the tables of the result. If the same evaluation is
+        started again, it continues from the results in this folder.
     share : Share
         Number of processes, and memory of each process.
     engine : Engine, optional
         Engine of the worker processes; by default this process does the work.
     kept : bool
-        Whether the folder is kept after the run. If not, the table of assigned pairs is not
-        written, because it is as long as the data.
+        Whether the folder is kept after the run. If not, the table of assigned pairs has no rows,
+        because it would be as long as the data.
     stopwatch : Stopwatch
         Stopwatch for the time of each stage.
     check : callable, optional
-        Function that receives facts about both sides, and the paths, after all rows were read. It
-        raises errors before anything is solved.
+        Function that receives facts about both sides, and the paths. It is called after all rows
+        were read, and can raise errors before anything is solved.
 
     Raises
     ------
@@ -236,7 +240,9 @@ def _with_heights(
     paths: tuple[str, str],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
 ) -> tuple[tuple[ReadOptions, ReadOptions], list[Notice]]:
-    """Return options that read heights if both sides have them, and notices about heights.
+    """Return the options for reading, and notices about heights.
+
+    The returned options read heights if both sides have them.
 
     Raises
     ------
@@ -264,12 +270,19 @@ def _with_heights(
 def _marking(
     request: EvaluationRequest, ignoring: Ignoring, sides: tuple[PartsSide, PartsSide]
 ) -> tuple[EvaluationRequest, tuple[PartsSide, PartsSide], list[str]]:
-    """Return the request and the sides that mark ignored states, and notices of absent classes.
+    """Prepare both sides so that they mark ignored states when their rows are read.
+
+    Returns
+    -------
+    request, sides
+        The changed request and sides.
+    list of str
+        Notices about classes to ignore that no row has.
 
     Raises
     ------
     ConfigError
-        A side lacks requested marks.
+        A side lacks a column with requested marks.
     """
     ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
     ignoring, absent = ignoring.spelt(sides[0].steps.classes)
@@ -295,10 +308,10 @@ def _result(
     *,
     assignments: bool,
 ) -> PartitionedResult:
-    """Write the tables, and return the result."""
+    """Write the tables, and return the result; with `assignments`, write all assigned pairs."""
     request, sides, proof = plan.request, plan.sides, evaluated.proof
     for side, numbered in zip(sides, evaluated.tracks, strict=True):
-        if numbered.rows.sum() == side.steps.rows:  # else rows with other ids may be left out
+        if numbered.rows.sum() == side.steps.rows:  # otherwise rows left out may have other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -383,7 +396,11 @@ def _result(
 
 
 def tracking(evaluated: Evaluated, switches: float) -> tuple[Json, Floats]:
-    """Return the numbers of the summary that are sums, and the tracked share of each truth."""
+    """Return the numbers of the summary, and the followed share of the steps of each truth.
+
+    The numbers are only those that can be computed from sums over assigned pairs and tracks.
+    `switches` is the number of switches.
+    """
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
     total, first, second, whole = 0.0, 0.0, 0.0, True
@@ -443,7 +460,7 @@ def _notices(
     plan: BlockPlan,
     blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
-    """Yield notices about the two sides."""
+    """Yield notices about the rows and the times of both sides, after all rows were read."""
     matching = plan.request.time_matching
     for side, one in zip(plan.sides, known, strict=True):
         for text in side.said(one.left_out):
@@ -462,21 +479,24 @@ def _notices(
 
 
 DIAGNOSED_ROWS = 50_000
-"""Number of rows of both sides that are diagnosed, which takes a tenth of a second."""
+"""Number of rows of both sides together that are searched for faults. This takes a tenth of a
+second."""
 
 
 def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
-    """Return notices about both sides, and warnings about the middle of the recording.
+    """Return notices about the matching of times, and warnings about rows that look wrong.
+
+    Only rows in the middle of the recording are searched for faults.
 
     Parameters
     ----------
     plan : BlockPlan
-        Plan of the evaluation.
+        Steps and times of the evaluation.
     grid : Alignment
-        Steps of both sides, without their rows.
+        Alignment of the times of both sides, from `find_steps`.
     """
     request, names = plan.request, plan.names
-    steps = replace(grid, left_out=(0, 0))  # rows are not counted yet
+    steps = replace(grid, left_out=(0, 0))  # `grid` counts times, and rows are not counted yet
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(plan.rows, DIAGNOSED_ROWS)
     piece = plan.piece(first, last + 1)
@@ -484,7 +504,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     truth, estimate = (reading.trajectories for reading in readings)
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
-    else:  # faults of clocks show only in original timestamps
+    else:  # only original times show faults of clocks
         sides = fit(truth, estimate, request, names)
     warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
     if request.defaults:
@@ -498,7 +518,10 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
 
 
 def middle(rows: Ints, size: int) -> tuple[int, int]:
-    """Return the first and last step of the `size` rows around the middle row."""
+    """Return the first and last step of about `size` rows around the middle row.
+
+    `rows` has the number of rows of each step.
+    """
     after = np.cumsum(rows)
     half = int(after[-1]) // 2
     first = int(np.searchsorted(after, half - size // 2, side="right"))

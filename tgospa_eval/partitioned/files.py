@@ -1,4 +1,8 @@
-"""Files of one side in parts: their list, their digests, and the rows of their pieces."""
+"""Files of one side that is read in parts: their list, their digests, and the rows of their pieces.
+
+A *piece* is a part of a file that one task reads: row groups of a Parquet file, or a range of bytes
+of a text.
+"""
 
 import hashlib
 import json
@@ -39,10 +43,10 @@ if TYPE_CHECKING:
 
 
 PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
-"""Suffixes of files, without suffixes of compression."""
+"""Suffixes of the names of files. A suffix of compression can follow."""
 
 HIDDEN = ("_", ".")
-"""First letters of files that writers of data add, such as _SUCCESS, _metadata, .crc."""
+"""Files and folders whose names begin with these characters are not data, such as _SUCCESS."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -58,7 +62,7 @@ class File:
     place : str
         Absolute path, which workers in any folder can use.
     keys : tuple of pairs of str
-        Names and values of the folders ``key=value`` that contain the file.
+        Key and value of each folder named ``key=value`` that contains the file.
     """
 
     path: str
@@ -67,14 +71,14 @@ class File:
 
 
 def files_of(path: str) -> tuple[str, tuple[File, ...]]:
-    """Return the format and files of a side, in natural order of paths (part-2 before part-10).
+    """Return the format of a side, and its files in natural order (part-2 before part-10).
 
     Raises
     ------
     InputError
         There is no file, a file has a format that is not read in parts, or formats differ.
     ConfigError
-        The path means the standard input.
+        The path is that of the standard input.
     """
     if path == STDIN:
         raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
@@ -98,15 +102,15 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
 
 
 def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
-    """Yield the files of a side in the order of their paths, with the status of each."""
+    """Yield the files of a side in the order of their paths, with the `os.stat` of each."""
     files = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
     for file in sorted(files, key=lambda file: file.path):
-        with suppress(FileNotFoundError):  # a broken link: reading it raises its own error
+        with suppress(FileNotFoundError):  # a broken link raises an error when it is read
             yield file, os.stat(file.place)
 
 
 def state_of(stat: os.stat_result) -> tuple[int, ...]:
-    """Return the parts of a status that differ after a file was changed or replaced.
+    """Return the parts of the status of a file that change if it is changed or replaced.
 
     A program can set the time of modification back, but not the time of the last status change. The
     device is left out, because its number may change with each mount.
@@ -115,7 +119,7 @@ def state_of(stat: os.stat_result) -> tuple[int, ...]:
 
 
 def _walk(folder: str) -> Iterator[File]:
-    """Yield the files below a folder except hidden ones, with the keys of folders in between."""
+    """Yield all files in a folder and its subfolders, except hidden ones."""
 
     def refuse(error: OSError) -> None:
         raise error
@@ -165,19 +169,19 @@ def _kind(path: str) -> str:
 
 
 TOGETHER = 1 << 26
-"""Bytes of files that one task digests."""
+"""Number of bytes for which one task computes digests."""
 
 CONTENT = "content"
-"""Subfolder of the folder of work, for digests of the files that the work is derived from."""
+"""Subfolder of the folder of work, for digests of the files from which its results come."""
 
 Stretch = tuple[File, int, int]
-"""Range of bytes of a file: the file, the first byte and the end."""
+"""A range of bytes of a file: the file, the first byte, and the end."""
 
 
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
-    """Empty a folder of work that was derived from files with other content.
+    """Empty the folder of work if its results come from files with other content.
 
-    A changed file may have the size and times of the old file, so all files are read whenever the
+    A changed file can have the size and times of the old file. So all files are read whenever the
     work begins or continues.
 
     Parameters
@@ -192,7 +196,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     Returns
     -------
     str or None
-        The first file that has changed, if the work must start again.
+        A file that has changed, so that the work starts again; None if all are unchanged.
 
     Raises
     ------
@@ -201,7 +205,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     """
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = tempfile.mkdtemp(dir=kept.parent)  # digests of an earlier run may be out of date
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # a new folder: old digests could be out of date
     batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
         os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
@@ -221,7 +225,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
             before = {}
     changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]
     if changed:
-        with removing(work, but=CONTENT):  # the old digests are replaced last
+        with removing(work, but=CONTENT):  # old digests are kept until all results are removed
             pass
     if changed or not kept.exists():
         with writing(str(kept)) as beside:
@@ -230,7 +234,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
 
 
 def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
-    """Write the digests of stretches of files.
+    """Write the SHA-256 digest of each of these ranges of bytes.
 
     Raises
     ------
@@ -267,7 +271,7 @@ def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool
     roles : Roles
         Roles of the columns.
     decimal : str
-        Decimal mark of its numbers.
+        Decimal mark of the numbers in the file.
     packed : bool
         Whether the file is compressed.
 
@@ -296,7 +300,7 @@ def read_head(file: File, options: ReadOptions) -> tuple[bytes, Roles, str, bool
         begin = data.find(b"\n", begin) + 1 or len(data)
     content = data[:begin]
     if not content.endswith(b"\n"):
-        content += b"\n"  # only a header
+        content += b"\n"  # the file has only a header
     return content, roles, decimal, packed
 
 
@@ -305,9 +309,10 @@ Moved = Callable[[str], str]
 
 
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-    """Yield rows of the lines that begin between two bytes, and the number of the first row.
+    """Yield rows of the lines that begin in a range of bytes, with the index of the first of them.
 
-    A compressed file is read whole, about `end` bytes at a time.
+    Indices count the rows of the range. A compressed file is read whole, about `end` bytes of text
+    at a time.
 
     Raises
     ------
@@ -335,7 +340,11 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
 
 
 def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:
-    """Replace the line number in the piece by the line number in the file, in a message."""
+    """Replace the line number in a message by the line number in the whole file.
+
+    The message counts the `header` lines of the header, and then the lines of a part of the file.
+    `lines_before` counts the lines between the header and this part.
+    """
 
     def line(match: re.Match[str]) -> str:
         number = int(match[2])
@@ -345,11 +354,11 @@ def _moved(path: str, header: int, lines_before: Callable[[], int], message: str
 
 
 NumberedLines = tuple[bytes, Callable[[], int]]
-"""Lines, and a function that counts the lines between the header and these lines."""
+"""Some lines, and a function that counts the lines between the header and these lines."""
 
 
 def _lines_between(file: File, head: bytes, begin: int, end: int) -> Iterator[NumberedLines]:
-    """Yield the lines that begin between two bytes of a file."""
+    """Yield the lines that begin in a range of bytes of a file, all at once."""
     start = max(begin, len(head))
     with named(file.path, InputError), open(file.place, "rb") as source:
         if start > len(head):
@@ -364,7 +373,7 @@ def _lines_between(file: File, head: bytes, begin: int, end: int) -> Iterator[Nu
 
 
 def _lines(file: File, begin: int, end: int) -> int:
-    """Return the number of lines between two bytes of a file."""
+    """Return the number of line ends in a range of bytes of a file."""
     count = 0
     with named(file.path, InputError), open(file.place, "rb") as source:
         source.seek(begin)
@@ -392,16 +401,18 @@ def size_of(file: File) -> int:
 
 
 DECODED = 1 << 17
-"""Rows that are decoded together."""
+"""Number of rows that are decoded at once."""
 
 BYTES_OF_COLUMN = 1 << 20
-"""Number of bytes of a column read together, because a row group may be larger than memory."""
+"""Number of bytes of a column that are read at once. A row group can be larger than memory."""
 
 
 def table_rows(
     file: File, begin: int, end: int, options: ReadOptions
 ) -> Iterator[tuple[Rows, int]]:
-    """Yield rows of some row groups of a Parquet file, and the number of the first row.
+    """Yield rows of a range of row groups of a Parquet file, with the index of the first of them.
+
+    Indices count the rows of the file.
 
     Raises
     ------
@@ -424,7 +435,10 @@ def _row_of(path: str, first: int, row: int) -> str:
 def _batches(
     file: File, content: "pa.parquet.ParquetFile", groups: range, columns: list[str]
 ) -> "Iterator[pa.Table]":
-    """Yield columns of row groups, some rows at a time, with keys of folders as further columns."""
+    """Yield columns of row groups, some rows at a time.
+
+    A column that the file lacks can be a key of its folders: then it has this value in all rows.
+    """
     import pyarrow as pa
 
     own = [name for name in columns if name in content.schema_arrow.names]
@@ -444,14 +458,14 @@ def _batches(
 def open_table(
     file: File, options: ReadOptions
 ) -> "tuple[pa.parquet.ParquetFile, pa.Schema, Roles]":
-    """Open a Parquet file and find the roles of its columns.
+    """Open a Parquet file, and determine the roles of its columns.
 
     Returns
     -------
     pyarrow.parquet.ParquetFile
         The open file.
     pyarrow.Schema
-        Columns of the file, then keys of its folders if they are needed.
+        Columns of the file. If they are not enough, the keys of its folders follow as columns.
     Roles
         Roles of the columns.
 
@@ -463,7 +477,7 @@ def open_table(
         pyarrow is not installed.
     """
     check_parquet(begin=f"{file.path}: ")
-    import pyarrow as pa  # lazy: the extra may be missing
+    import pyarrow as pa  # lazy: pyarrow is optional
     import pyarrow.parquet as pq
 
     with named(file.path, InputError):
@@ -482,7 +496,7 @@ def open_table(
         if roles.klass is None and options.classes is not None:
             absent.add("class")
         if keys and absent:
-            raise InputError  # the columns may be keys of folders
+            raise InputError  # try again with the keys of folders
         whole = schema
     except InputError:
         if not keys:
@@ -494,14 +508,15 @@ def open_table(
 
 @dataclass(frozen=True, kw_only=True)
 class FilePiece:
-    """Part of a file that is read at once: row groups, or the lines that begin in a range of bytes.
+    """A piece of a file: row groups, or the lines that begin in a range of bytes.
 
     Parameters
     ----------
     file : File
         The file.
     begin, end : int
-        Range of row groups or of bytes.
+        First row group or byte of the piece, and the end. For a compressed text, `end` is the
+        number of bytes to read at a time.
     text : bool
         Whether the file is a text.
     """
@@ -512,14 +527,20 @@ class FilePiece:
     text: bool
 
     def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-        """Yield rows, some at a time, and the number of the first one in the table or piece."""
+        """Yield rows, some at a time, with the index of the first of them.
+
+        Indices count the rows of the whole table, or of this piece if the file is a text.
+        """
         return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
     def where(self, row: int, options: ReadOptions) -> str:
-        """Return the place of a row for messages; rows of texts are counted within their piece."""
+        """Return the place of a row for messages: file, and row or line.
+
+        `row` is an index as in `rows`.
+        """
         if not self.text:
             return _row_of(self.file.path, 0, row)
         for rows, first in self.rows(options):
             if row < first + len(rows.times.value):
                 return rows.where(row - first)
-        return self.file.path  # the file has changed meanwhile
+        return self.file.path  # the row is missing: the file was changed meanwhile

@@ -1,6 +1,7 @@
 """Stages of a partitioned evaluation: scan, find components, shuffle, solve, add up.
 
-The tracks of all blocks get global numbers. Each component of tracks is put into a shard.
+The tracks of all blocks get global numbers. Each component of tracks is put into a shard, and the
+near pairs of all blocks are sorted by shard. The package `partitioned` explains the words.
 """
 
 import json
@@ -43,19 +44,20 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Number of ids, or of pairs, in one batch; each batch is a pass over all tracks."""
+"""Number of ids, or of pairs, that are merged at once. Each merge is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracks:
-    """The tracks of one side.
+    """All tracks of one side.
 
     Parameters
     ----------
     ids : (k,) array of str
-        Ids of the k tracks, in the order in which reading one file would number them.
+        Ids of the k tracks, by their global numbers. Reading all rows from one file would give the
+        same numbers.
     rows, evaluated : (k,) int arrays
-        Number of rows, and number of evaluated rows, of each track.
+        Number of rows at steps of each track, and number of those that are evaluated.
     numbers : list of Path
         For each block, the file with the global numbers of its tracks.
     """
@@ -67,7 +69,10 @@ class Tracks:
 
 
 def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
-    """Return the tracks of a side over all blocks, in natural order of their ids."""
+    """Give global numbers to the tracks of a side (0 or 1), in natural order of their ids.
+
+    The numbers of the tracks of each block are written into its folder.
+    """
     role, ids = ROLES[side], np.zeros(0, "U1")
     for some in in_batches((block.read(f"{role}_ids") for block in blocks), len, FEW):
         ids = np.unique(np.concatenate([ids, *some]))
@@ -85,7 +90,7 @@ def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
 
 
 def _natural_order(ids: NDArray[np.str_]) -> Ints:
-    """Return the natural order of distinct ids (2 before 10); plain numbers are sorted at once."""
+    """Return the indices that sort distinct ids in natural order (2 before 10)."""
     try:
         numbers = ids.astype(np.int64)
     except (ValueError, OverflowError):
@@ -106,9 +111,10 @@ def make_shards(
     of_truth : (m,) int array
         Shard of each truth, -1 for truths without a near pair.
     entries : (N,) int array
-        Number of entries of each shard.
+        Number of entries (near pairs at a step) of each shard.
     sizes : dict of str to int
-        Numbers of pairs, of steps of pairs and of components, as in a result.
+        Number of pairs of tracks that are near at some step, of entries and of components, by
+        their names in a result.
     """
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
@@ -119,14 +125,14 @@ def make_shards(
     for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
-        # The root of a component is its smallest node, even if it joins earlier components.
+        # `root` is the smallest node of each component, also if batches join components.
         root = connected_components(root[truth], root[estimate + m], m + n)[root]
         again = several[0][truth] & several[1][estimate]
         once += len(again) - int(np.count_nonzero(again))
         key = truth[again].astype(np.int64) * max(n, 1) + estimate[again]
         often = np.unique(np.concatenate((often, key)))
     paired = np.flatnonzero(by_truth)
-    _, component = np.unique(root[paired], return_inverse=True)  # the root is the first truth
+    _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
     entries = np.bincount(component, by_truth[paired]).astype(np.int64)
     group = (np.cumsum(entries) - entries) // size
     _, shard = np.unique(group, return_inverse=True)
@@ -142,7 +148,10 @@ def make_shards(
 
 
 def _in_several(side: Tracks) -> Mask:
-    """Return a mask of tracks in several blocks; only pairs of such tracks occur in several."""
+    """Return a mask of tracks that are in several blocks.
+
+    Only pairs of two such tracks can be near in several blocks.
+    """
     count = np.zeros(len(side.ids), np.int32)
     for path in side.numbers:
         count[np.load(path)] += 1
@@ -152,7 +161,7 @@ def _in_several(side: Tracks) -> Mask:
 def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Yield truths, estimates and numbers of entries of the pairs of each block."""
+    """Yield, for each block, the truths and the estimates of its pairs, and their entry counts."""
     for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
@@ -162,15 +171,15 @@ def _near_tracks(
 # Progress of the stages.
 
 OUTWARD = 1e-12
-"""Relative widening of displayed bounds, larger than the rounding of sums of sums."""
+"""Displayed bounds are widened by this relative amount. It exceeds the rounding of their sums."""
 
 
 SHOWN_FROM = 0.01
-"""Share of the work after which the time left is shown."""
+"""The remaining time is shown as soon as more than this share of the work is done."""
 
 
 class Stages:
-    """Runner of the tasks of each stage, with reports of progress, time left and bounds so far.
+    """Runner of the tasks of each stage. It reports progress, remaining time, and bounds so far.
 
     The reports go to the stopwatch and its `progress`.
 
@@ -204,14 +213,15 @@ class Stages:
         Parameters
         ----------
         name : str
-            One word for the work of the stage: ``"solving"``.
+            Words for the work of the stage, such as ``"solving"``.
         tasks : mapping of str to Task
-            Tasks by their outputs, in the order in which to begin. A task whose output exists is
-            done already.
+            Tasks by the paths of their outputs, in the order in which they begin. A task whose
+            output exists is skipped.
         amounts : sequence of float, optional
-            Work of each task, in entries.
+            Work of each task: its number of entries. By default all tasks have the same work.
         sums_of : callable
-            Function that receives the output of a finished task and returns its proven sums.
+            Function that receives the output of a finished task, and returns its proven sums or
+            None.
         """
         amounts = amounts or [1.0] * len(tasks)
         if self.engine is not None and len(tasks) > 1 and max(amounts) > HEAVY:
@@ -226,17 +236,17 @@ class Stages:
         run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
     def end_workers(self) -> None:
-        """End the workers, so that this process has all the memory and does the remaining work."""
+        """End the workers: this process gets their memory, and does the remaining work."""
         if self.engine is not None:
             self.engine.close()
             self.engine = None
 
     def end(self) -> None:
-        """End the last stage."""
+        """Report that all stages have ended."""
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
     def _ended(self, task: str, sums: PartialSums | None) -> None:
-        """Record that a task is done."""
+        """Record that a task is done, and its sums, if any."""
         if task in self._left:
             self._left.remove(task)
             self._done += self._work[task]
@@ -263,14 +273,16 @@ class Stages:
         return self._prices[0] * truths + self._prices[1] * estimates
 
     def prove(self, share: PartialSums, name: str) -> None:
-        """Record the bounds of a share; its upper bound leaves all other objects unassigned.
+        """Record the proven sums of some components, and update the displayed bounds.
+
+        Objects of components without recorded sums count as unassigned in the upper bound.
 
         Parameters
         ----------
         share : PartialSums
-            Proven sums of the share.
+            Proven sums of these components.
         name : str
-            Name of the share; its earlier sums are replaced.
+            Name of the sums. Earlier sums of the same name are replaced.
         """
         free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
         self._proven[name] = share.bracket[0], share.total - free
@@ -301,7 +313,7 @@ def add_up(
     constants: Problem,
     parameters: Parameters,
 ) -> tuple[Costs, tuple[Ints, Ints], tuple[Ints, Ints], int]:
-    """Add up all shards, in order, and the objects that are in no shard.
+    """Add up the costs of all shards, in order, and of the states that are in no shard.
 
     Parameters
     ----------
@@ -312,18 +324,18 @@ def add_up(
     steps : int
         Number T of steps.
     constants : Problem
-        Problem with the errors and rounding of the whole.
+        Result of `constants`, with the errors of the whole problem.
     parameters : Parameters
         Parameters of the metric.
 
     Returns
     -------
     proof : Costs
-        Costs as `certify` returns them.
+        Bounds and breakdown, in units of c^p, like those of `certify`.
     objects : pair of (T,) int arrays
-        Truths and estimates at each step.
+        Number of truths and number of estimates at each step.
     unjudged : pair of (T,) int arrays
-        Ignored truths and excused estimates at each step.
+        Number of ignored truths and number of excused estimates at each step.
     iterations : int
         Sum of the iterations of all shards.
     """
@@ -366,7 +378,7 @@ def add_up(
 
 
 def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
-    """Return the weight of estimates assigned to ignored truths at each step."""
+    """Return the total weight of the pairs with an ignored truth at each step."""
     absorbed = np.zeros(steps)
     for piece in pieces:
         rows = np.load(piece, mmap_mode="r")
@@ -391,42 +403,42 @@ def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: floa
 
 
 SCANNED = "scan"
-"""Subfolder of the folder of work, for the blocks that were read."""
+"""Subfolder of the folder of work, for the results of `scan`."""
 
 HEAVY = 50_000
-"""If the largest of several tasks has more entries, workers start at once."""
+"""Workers start at once if the largest of several tasks has more entries than this."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated:
-    """Outcome of all shards together.
+    """Costs and counts of all shards together.
 
     Parameters
     ----------
     proof : Costs
         Bounds and breakdown, in units of c^p.
     objects : pair of (T,) int arrays
-        Truths and estimates at each step.
+        Number of truths and number of estimates at each step.
     unjudged : Unjudged, optional
-        Truths and estimates that are not evaluated, if any.
+        Numbers of truths and estimates that are not evaluated, if there are any.
     tracks : pair of Tracks
         Tracks of truth and of estimate.
     track_costs : pair of PerTrack
         Costs of each of these tracks.
     sizes : dict of str to int
-        Numbers of near pairs, of steps of near pairs and of components.
+        Result of `make_shards`: numbers of near pairs, of entries and of components.
     folders : list of Path
         Folder of each shard, with the table of its switches.
     assigned : list of Path
         Files of assigned pairs.
     beside : dict of dict of arrays
-        Sums of further values of assigned pairs, from `sums_beside`.
+        Sums of further values of assigned pairs (parts of distances, NEES), from `sums_beside`.
     nees : NeesSums, optional
         Sums of NEES, which show whether covariances match the errors.
     iterations : int
         Sum of the solver's iterations of all shards.
     constants : Problem
-        Problem with the errors and rounding of the whole.
+        Problem without entries that has the errors of the whole problem.
     """
 
     proof: Costs
@@ -446,14 +458,16 @@ class Evaluated:
 def scan_parts(
     plan: BlockPlan, work: Path, share: Share, stages: Stages
 ) -> tuple[list[list[Json]], list[Scanned]]:
-    """Read all blocks and find near pairs; a block has whole steps, and no time is in two blocks.
+    """Read all blocks, and search their near pairs.
+
+    All rows with the same time or the same step are in one block.
 
     Parameters
     ----------
     plan : BlockPlan
-        Both sides along the steps.
+        Steps and times, divided into blocks.
     work : Path
-        Folder of intermediate results; those that exist are not computed again.
+        Folder of work. Results of tasks that are already in it are not computed again.
     share : Share
         Memory of each worker.
     stages : Stages
@@ -462,9 +476,9 @@ def scan_parts(
     Returns
     -------
     read : list of pairs of dict
-        Facts about the rows of each block from `scan`, for each side.
+        Content of the file `READ` of each block: facts about all rows that were read of each side.
     blocks : list of Scanned
-        Facts about the blocks.
+        Facts about each block.
 
     Raises
     ------
@@ -488,7 +502,7 @@ def scan_parts(
 def evaluate_parts(
     plan: BlockPlan, blocks: Sequence[Scanned], work: Path, share: Share, stages: Stages
 ) -> Evaluated:
-    """Solve the problem that `scan_parts` wrote, and add up the shards.
+    """Solve the problem whose near pairs `scan_parts` wrote: make, solve and add up its shards.
 
     Raises
     ------
@@ -573,9 +587,10 @@ def _shuffle(
 def _beside(
     work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
 ) -> Iterator[NDArray[np.void]]:
-    """Yield the assigned pairs of each range of steps with their further values, if any.
+    """Yield the assigned pairs of each block with their further values; nothing if there are none.
 
-    The pairs are also written into files, which replace the files in `assigned`.
+    The pairs are also written into files with these values. The paths of these files replace those
+    in the list `assigned`.
     """
     if not any((block.folder / BESIDE).exists() for block in blocks):
         return

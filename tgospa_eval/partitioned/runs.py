@@ -1,7 +1,7 @@
 """Rows of a side sorted by time: runs of bounded size, from which blocks are read.
 
-The files of a side are read once. Rows that are processed together are sorted by time and written
-as a run. A block takes one range of rows from each run.
+The files of a side are read once, in pieces (see `files`). The rows of some pieces are sorted by
+time and written into a folder, as a *run*. A block of time takes one range of rows from each run.
 """
 
 import json
@@ -32,7 +32,7 @@ from tgospa_eval.quoting import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Values, checked
 
 PENDING = 1 << 22
-"""Number of distinct times of parts that are merged at once."""
+"""Number of times that are merged at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,13 +44,14 @@ class Timestamps:
     value : (T,) int64 or float64 array
         Strictly increasing times, as in the files.
     count : (T,) int64 array
-        Rows at each time.
+        Number of rows at each time.
     clock : {"number", "local", "zoned"}
         Kind of the times.
     label : (T,) array of bytes, optional
-        Texts in UTF-8, if the times are not numbers. Equal times get the first text in the files.
+        Times as texts in UTF-8, if they are not numbers. If texts of the same time differ, the
+        first one in the files is kept.
     source : str
-        File of the first of these times.
+        Name of the first file that has some of these times.
     """
 
     value: TimeArray
@@ -71,7 +72,7 @@ NO_TIMESTAMPS = Timestamps(
 
 
 def timestamps_of(times: Times, source: str) -> Timestamps:
-    """Return the distinct times of rows, which are in the order of their file."""
+    """Return the distinct times of some rows, which must be in the order of the file `source`."""
     value, label = times.value, None
     if times.text is None and (value[1:] >= value[:-1]).all():  # the usual case
         begins = np.flatnonzero(np.append(True, value[1:] > value[:-1])[: len(value)])
@@ -87,7 +88,7 @@ def timestamps_of(times: Times, source: str) -> Timestamps:
 
 
 def merged_timestamps(parts: Iterable[Timestamps]) -> Timestamps:
-    """Return the distinct times of all parts, which are in the order of the files.
+    """Merge the times of several parts. The parts must be in the order of the files.
 
     Raises
     ------
@@ -127,12 +128,14 @@ def _merged(given: Sequence[Timestamps]) -> Timestamps:
 
 
 def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
-    """Concatenate times of several sources, as integers, or as doubles if any source has doubles.
+    """Concatenate times of several files: as integers, or as doubles if a file has doubles.
+
+    `parts` has the times and the name of each file.
 
     Raises
     ------
     InputError
-        An integer that is joined with doubles is too large to be exact as a double.
+        A file has doubles, and an integer in another file is too large to be exact as a double.
     """
     if len({value.dtype for value, _ in parts}) > 1:
         for value, source in parts:
@@ -145,7 +148,7 @@ def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
 
 
 def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
-    """Concatenate rows of parts with the same columns; `name` is the name of the whole."""
+    """Concatenate rows of several parts that have the same columns; `name` is for the result."""
     ends = list(accumulate(len(part.times.value) for part in parts))
     roles = parts[0].roles
     numbers = np.empty((ends[-1], len(roles.numbers)), order="F")
@@ -178,14 +181,14 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
 
 
 def joined(parts: Sequence[Values]) -> Values:
-    """Concatenate attributes; if some are texts, numbers become blanks."""
+    """Concatenate the values of an attribute. If a part has texts, numbers become empty texts."""
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
     return cast(Values, np.concatenate(parts))
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """Return rows with the requested attributes that are not columns of numbers."""
+    """Return the rows with their requested attributes, except those that `Rows.numbers` has."""
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}
@@ -194,7 +197,10 @@ def with_attributes(rows: Rows) -> Rows:
 
 
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
-    """Return the names that occur in natural order, and the index of each row's name."""
+    """Merge tables of names (ids or classes) of several parts.
+
+    Return all names that occur, in natural order, and the index of the name of each row.
+    """
     if len(parts) == 1:
         return parts[0]
     names: list[str] = []
@@ -215,7 +221,10 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
 def write_runs(
     output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
 ) -> None:
-    """Write the rows of pieces, in order of the files, as runs of at least `rows_together` rows."""
+    """Write the rows of some pieces as runs of at least `rows_together` rows.
+
+    The last run has the rest. The pieces must be in the order of the files.
+    """
     read = (
         (with_attributes(rows) if options.attributes else rows, first, piece)
         for piece in pieces
@@ -236,7 +245,8 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     folder : Path
         Folder to create.
     run : sequence of tuple
-        Consecutive rows, the number of the first of them in its piece, and the piece.
+        Rows of the run in parts: some consecutive rows, the index of the first of them as
+        `FilePiece.rows` counts, and the piece.
     """
     parts = [rows for rows, _, _ in run]
     begins = accumulate((len(rows.times.value) for rows in parts), initial=0)
@@ -275,7 +285,7 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
 
 
 def _kind(rows: Rows, name: str) -> str:
-    """Return "numbers" or "texts", the kind of an attribute, or "" if all values are missing."""
+    """Return the kind of an attribute: "numbers", "texts", or "" if all values are missing."""
     values = rows.attributes[rows.roles.attributes[name]]
     if values.dtype.kind != "f":
         return "texts"
@@ -283,12 +293,14 @@ def _kind(rows: Rows, name: str) -> str:
 
 
 def run_names(folders: Iterable[Path], name: str) -> list[str]:
-    """Return the classes of all runs of a side, in natural order.
+    """Return the classes of all runs of a side, in natural order, and check attributes.
+
+    `name` is the name of the side in messages.
 
     Raises
     ------
     InputError
-        An attribute has numbers in one part and texts in another.
+        An attribute has numbers in one part of the side and texts in another.
     """
     classes: set[str] = set()
     kinds: dict[str, set[str]] = {}
@@ -317,18 +329,18 @@ def run_timestamps(folder: Path) -> Timestamps:
 def run_rows(
     folder: str, span: tuple[int | float, int | float], roles: Roles, options: ReadOptions
 ) -> Rows | None:
-    """Read the rows of a run in a range of time, or return None if it has none there.
+    """Read the rows of a run in a range of time; return None if there are none.
 
     Parameters
     ----------
     folder : str
         Folder of the run.
     span : pair of numbers
-        First and last time.
+        First and last time of the range, as in the files.
     roles : Roles
         Roles of the columns.
     options : ReadOptions
-        Options with which its files were read.
+        Options with which the files of the run were read.
     """
     path = Path(folder)
 
@@ -338,7 +350,7 @@ def run_rows(
 
     times: TimeArray = np.load(path / "time.npy", mmap_mode="r")
     low, high = span
-    if times.dtype.kind == "i":  # a bound of another type would convert all times
+    if times.dtype.kind == "i":  # with a double, NumPy would convert all times to doubles
         low, high = math.ceil(low), math.floor(high)
     begin = int(np.searchsorted(times, low, side="left"))
     end = int(np.searchsorted(times, high, side="right"))

@@ -1,4 +1,9 @@
-"""Blocks of time: their steps, the rows read for them, near pairs and objects."""
+"""Blocks of time: their steps, their rows, and the near pairs of these rows.
+
+The *times* of a side are the distinct times of its rows. A *step* is an evaluated time. Not every
+time is a step, and a time can be matched to a step at a slightly different time. Arrays over the
+steps of a block are (L,), and arrays over all steps (T,).
+"""
 
 import itertools
 import json
@@ -35,33 +40,33 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def read_times(side: PartsSide, span: slice) -> Reading:
-    """Read the rows in a range of the times of a side, which may be empty."""
+    """Read the rows at a slice of the times of a side; the slice may be empty."""
     times = side.times[span]
     return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
 
 def places(times: Times, first: float, last: float) -> slice:
-    """Return the slice of the times from `first` to `last`, both included."""
+    """Return the slice of sorted times from `first` to `last`, both included."""
     begin = int(np.searchsorted(times, first, side="left"))
     return slice(begin, int(np.searchsorted(times, last, side="right")))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockPiece:
-    """Consecutive steps, and the times of both sides to read for them.
+    """A block: consecutive steps, and the times of both sides that are read for it.
 
     Parameters
     ----------
     low : int
-        Number of the first step.
+        Index of the first step of the block among all steps.
     times : (L,) array
-        The steps, possibly none.
+        Times of the steps. There can be none.
     sides : pair of PartsSide
         Truth and estimate.
     spans : pair of slice
-        Ranges of the times of both sides to read.
+        Slice of the times of each side that are read.
     step : pair of int arrays
-        Step in the block of each time in these ranges, -1 for no step.
+        For each side: step in the block of each time that is read, counted from 0; -1 for no step.
     """
 
     low: int
@@ -76,7 +81,10 @@ class BlockPiece:
         return first, second
 
     def at(self, which: int, trajectories: Trajectories) -> tuple[Trajectories, int]:
-        """Return the rows of a side that are at steps, and the number of these rows."""
+        """Return the rows of a side that are at steps, and their number.
+
+        `trajectories` has all rows that were read for the side (0 is the truth, 1 the estimate).
+        """
         step = self.step[which]
         on = step >= 0
         place, there = find_times(
@@ -89,20 +97,20 @@ class BlockPiece:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockPlan:
-    """The rows of both sides along the steps.
+    """Steps of an evaluation, and the times of both sides, to divide them into blocks.
 
     Parameters
     ----------
     times : (T,) array
-        The steps.
+        Times of the steps.
     sides : pair of PartsSide
         Truth and estimate.
     step : pair of int arrays
-        Step of each time of both sides, -1 for no step.
+        For each side: index of the step of each time, -1 for no step.
     request : EvaluationRequest
-        The request.
+        Options of the evaluation.
     names : pair of str
-        Names of the sides, for messages.
+        Names of truth and estimate in messages.
     """
 
     times: Times
@@ -113,7 +121,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both sides from each step until before the next step (T,)."""
+        """Number of rows of both sides together, from each step until before the next, (T,)."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -124,7 +132,7 @@ class BlockPlan:
 
     @cached_property
     def timestamps(self) -> tuple[Times, ...]:
-        """Times of both sides; a time that is matched to a step equals the time of that step."""
+        """Times of both sides; a time that is matched to a step is replaced by that of the step."""
         of_sides = []
         for side, step in zip(self.sides, self.step, strict=True):
             timestamps = side.times.astype(np.result_type(side.times, self.times))
@@ -133,7 +141,7 @@ class BlockPlan:
         return tuple(of_sides)
 
     def pieces(self, max_rows: int) -> Iterator[BlockPiece]:
-        """Yield all steps and all timestamps of both sides in pieces of about `max_rows` rows."""
+        """Yield all blocks, each with about `max_rows` rows of both sides together."""
         timestamps = np.unique(np.concatenate((*self.timestamps, self.times)))
         rows = np.zeros(len(timestamps), np.int64)
         for side, own in zip(self.sides, self.timestamps, strict=True):
@@ -142,7 +150,7 @@ class BlockPlan:
             yield self._between(timestamps[begin].item(), timestamps[end - 1].item())
 
     def piece(self, low: int, high: int) -> BlockPiece:
-        """Return the piece with the steps from number `low` until before `high`."""
+        """Return the block with the steps from index `low` until before `high`."""
         return self._between(self.times[low].item(), self.times[high - 1].item())
 
     def _between(self, first: float, last: float) -> BlockPiece:
@@ -164,7 +172,7 @@ class BlockPlan:
 # Steps of both sides, from their timestamps.
 
 STAMP = "stamp"
-"""Attribute with the number of each timestamp, for timestamps that are treated as rows."""
+"""Name of the attribute with the index of each time, if times are treated as rows (`clock_of`)."""
 
 
 def find_steps(
@@ -173,18 +181,20 @@ def find_steps(
     request: EvaluationRequest,
     names: tuple[str, str],
 ) -> tuple[Axis, Alignment, BlockPlan]:
-    """Return the axis, the alignment of both sides' timestamps, and the plan of the blocks.
+    """Match the times of truth and estimate, and return the steps in three forms.
+
+    These are the time axis, the alignment of the times of both sides, and the plan of the blocks.
 
     Parameters
     ----------
     sides : pair of PartsSide
         Truth and estimate.
     clocks : pair of Trajectories
-        Timestamps of both sides, from `clock_of`.
+        Times of both sides, from `clock_of`.
     request : EvaluationRequest
-        The request.
+        Options of the evaluation.
     names : pair of str
-        Names of the sides, for messages.
+        Names of truth and estimate in messages.
 
     Raises
     ------
@@ -211,7 +221,7 @@ def find_steps(
 
 
 def clock_of(side: PartsSide) -> Trajectories:
-    """Return the timestamps of a side as one track with a row at each timestamp."""
+    """Return the times of a side as trajectories with a single track, a row for each time."""
     size = len(side.times)
     return Trajectories(
         step=np.arange(size, dtype=np.int32),
@@ -227,7 +237,10 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Return the step of each timestamp of a side, -1 for no step; `on` is its aligned clock."""
+    """Return the step of each time of a side, -1 for no step.
+
+    `on` has the rows of `clock_of` that are at steps.
+    """
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
@@ -235,13 +248,17 @@ def _step_of(side: PartsSide, on: Trajectories) -> Ints:
 
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
-"""Pair of tracks that come near each other: numbers in a block, and number of near steps."""
+"""Type of a pair of tracks that are near at some step: indices of both tracks in a block, and
+number of steps at which they are near."""
 
 
 def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
-    """Return both sides of a block on its steps, and the numbers of their rows."""
+    """Return both sides of a block on its steps, and the number of rows of each at steps.
+
+    `sides` has the rows that were read for the block.
+    """
     truth, estimate = (piece.at(which, side) for which, side in enumerate(sides))
     axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
     return fit(*sides, request, names, lambda _: axis), (truth[1], estimate[1])
@@ -249,28 +266,28 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scanned:
-    """Facts about a block, without its entries.
+    """Facts about a block after its rows were read. Its near pairs remain in a file.
 
     Parameters
     ----------
     first : int
-        Number of the first step.
+        Index of the first step of the block among all steps.
     objects : pair of (L,) int arrays
-        Truths and estimates at each step.
+        Number of truths and number of estimates at each step.
     unjudged : pair of (L,) int arrays
-        Truths and estimates that are not evaluated, at each step.
+        Number of ignored truths and number of excused estimates at each step.
     near : int
-        Number of pairs of tracks that come near each other.
+        Number of pairs of tracks that are near at some step.
     slack : float
-        Value of `Problem.cost_slack`.
+        `Problem.cost_slack` of the block.
     blur : float
-        Value of `Distance.last_place`; infinite without objects.
+        `Distance.last_place` of the block; infinite if it has no rows at steps.
     at_cutoff : int
-        Value of `Problem.at_cutoff`.
+        `Problem.at_cutoff` of the block.
     counting : tuple of int
-        `row_sums` of the truth at the steps.
+        Result of `tracks.coverage.row_sums` for the rows of the truth that are at steps.
     folder : Path
-        Folder of the block.
+        Folder of the block, which `scan` wrote.
     """
 
     first: int
@@ -284,12 +301,12 @@ class Scanned:
     folder: Path
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read an array that grows with the number of tracks, and is not kept in memory.
+        """Read an array that is kept in a file, because it grows with the number of tracks.
 
-        ``"pairs"`` are the pairs of tracks that come near each other (PAIR). For k truths with a
-        row, ``"truth_ids"`` (k,) has the ids, ``"truth_rows"`` the numbers of rows, and
-        ``"truth_unjudged_rows"`` the numbers of rows that are not evaluated. Arrays of estimates
-        have the same names with ``"estimate"``.
+        ``"pairs"`` are the pairs of tracks that are near at some step (type PAIR). For each truth
+        with a row at a step, ``"truth_ids"`` has its id, ``"truth_rows"`` the number of its rows,
+        and ``"truth_unjudged_rows"`` the number of its rows that are not evaluated. Arrays of
+        estimates have the same names with ``"estimate"``.
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]
@@ -297,7 +314,7 @@ class Scanned:
 
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
-        """Read the file that `scan` wrote."""
+        """Read the facts from a folder that `scan` wrote."""
         with np.load(folder / "block.npz") as arrays:
             both = {
                 name: (arrays[f"truth_{name}"], arrays[f"estimate_{name}"])
@@ -316,27 +333,28 @@ class Scanned:
 
 
 BESIDE = "beside.npz"
-"""File of a block with the further values of its near pairs, if any."""
+"""File of a block with further values of its near pairs (parts of distances, NEES), if any."""
 
 READ = "read.json"
-"""File of a block with facts about the rows that were read, one record for each side."""
+"""File of a block with facts about all rows that were read, for truth and estimate."""
 
 
 def scan(
     output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str]
 ) -> None:
-    """Read a block, and write its near pairs and facts.
+    """Read the rows of a block, search its near pairs, and write both results into a folder.
 
     Parameters
     ----------
     output : str
-        Folder to write: `READ`, and the fields and arrays of `Scanned`.
+        Folder to write. It has the file `READ`, the near pairs (type `shards.ENTRY`), and the data
+        of `Scanned`.
     piece : BlockPiece
-        Steps of the block, and the times to read of truth and estimate.
+        The block.
     request : EvaluationRequest
-        The request.
+        Options of the evaluation.
     names : pair of str
-        Names of the sides, for messages.
+        Names of truth and estimate in messages.
 
     Raises
     ------
@@ -362,7 +380,7 @@ def scan(
 
 
 def _write_block(folder: Path, low: int, fitted: AlignedPair, request: EvaluationRequest) -> None:
-    """Write the near pairs of the steps from number `low`, and the fields of `Scanned`."""
+    """Write the near pairs of a block, whose first step has index `low`, and data of `Scanned`."""
     near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
@@ -412,12 +430,12 @@ def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs,
     reduced = aligned.truth.reduced_to(request.kinds), aligned.estimate.reduced_to(request.kinds)
     spread = reduced[1].spread
     if spread is not None:
-        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: seldom used
+        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # lazy: rarely needed
 
         periods = periods_in(distance, reduced[0].columns)
         spreads = reduced[0].spread, spread
         beside[NEES] = nees_of((reduced[0].state, reduced[1].state), spreads, rows, periods)
-        if unjudged is not None:  # an ignored truth does not measure errors
+        if unjudged is not None:  # pairs with an ignored truth have no NEES
             beside[NEES][unjudged[0][rows[0]]] = np.nan
     return near, problem, beside
 
@@ -435,7 +453,10 @@ def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
 def constants(
     request: EvaluationRequest, columns: tuple[str, ...], blocks: Sequence[Scanned]
 ) -> Problem:
-    """Return a problem without entries that has the errors and rounding of the whole."""
+    """Return a problem without entries that has the error fields of the whole problem.
+
+    These are `cost_error`, `cost_slack` and `rounding`. The bounds of the whole depend on them.
+    """
     parameters, none = request.parameters, np.zeros(0, np.int32)
     nothing = Trajectories.of_times(np.zeros(0), columns, "number")
     pairs = Pairs(truth_row=none, estimate_row=none, distance=np.zeros(0))

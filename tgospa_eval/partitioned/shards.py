@@ -1,4 +1,7 @@
-"""Shards: groups of components that are solved and proven separately, and their costs."""
+"""Shards: groups of components that are solved and proven separately, and their costs.
+
+The package `partitioned` explains blocks of time and global numbers.
+"""
 
 import math
 import time
@@ -24,28 +27,30 @@ from tgospa_eval.solvers.certified import Certified
 ENTRY = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
 )
-"""Type of near pairs: global numbers of step and tracks, (d / c)^p, and bits of ignored states."""
+"""Type of an entry, which is a near pair of states: global numbers of its step and tracks, its cost
+(d / c)^p, and its `marks`."""
 
 IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
-"""Bits in `marks`: see `problem.metric_family.ignore_states`."""
+"""Bits in `marks` of an entry whose states are not evaluated (`metric_family.ignore_states`)."""
 
 Table = NDArray[np.void]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartialSums(Breakdown):
-    """Contribution of some components, from a step on: a breakdown and a lower bound.
+    """Costs and lower bound of some components.
 
-    Objects here are the evaluated rows (track and step) with a near pair in these components.
+    Arrays over L steps begin at the step `first`. Only states with a near pair in these components
+    are counted.
 
     Parameters
     ----------
     first : int
         First of the L steps.
     truths, estimates : (L,) int arrays
-        Number of objects at each step.
-    lower : (B,) float array
-        Summands of a proven lower bound of the cost, rounded outward.
+        Number of these states at each step that are evaluated.
+    lower : (N,) float array
+        Summands of a proven lower bound of the cost.
     iterations : int
         Iterations of the solver.
     solved : bool
@@ -72,7 +77,7 @@ class PartialSums(Breakdown):
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Lower and upper bound, rounded to the nearest double, for progress."""
+        """Lower and upper bound, for the display of progress: they are not rounded outward."""
         return math.fsum(self.lower), self.total
 
 
@@ -81,8 +86,11 @@ PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "
 
 
 def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
-    """Write a table grouped by the part of each row; rows of a part keep their order."""
-    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # 16 bits are sorted by radix
+    """Write a table with its rows grouped by part, for `load_part`.
+
+    `part` has the part of each row, from 0 to parts - 1. Rows of a part keep their order.
+    """
+    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # 16 bits are sorted faster
     first = np.zeros(parts + 1, np.int64)
     np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
     np.save(folder / f"{name}.first.npy", first)
@@ -90,7 +98,7 @@ def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) ->
 
 
 def load_part(folder: Path, name: str, part: int | None = None) -> Table:
-    """Read one part of a table, or the whole table."""
+    """Read one part of a table that `save_parts` wrote; by default, the whole table."""
     table = np.load(folder / f"{name}.npy", mmap_mode="r")
     if part is None:
         return np.array(table)
@@ -108,7 +116,7 @@ def sort_entries(
     output : str
         Folder to write.
     scanned : str
-        Folder of the block.
+        Folder of the block, which `scan` wrote.
     numbers : pair of str
         Files with the global numbers of the block's truths and of its estimates.
     shard_of_truth : str
@@ -117,7 +125,7 @@ def sort_entries(
         Number of shards.
     """
     entry = np.load(Path(scanned) / "entries.npy")
-    # Blocks number their tracks in the global order, so entries of a step stay sorted.
+    # Tracks of a block are in the order of their global numbers, so entries remain sorted.
     for name, path in zip(("truth", "estimate"), numbers, strict=True):
         entry[name] = np.load(path)[entry[name]]
     shard = np.load(shard_of_truth, mmap_mode="r")[entry["truth"]]
@@ -126,16 +134,16 @@ def sort_entries(
 
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
-"""Type of assigned near pairs, with their weight."""
+"""Type of an assigned entry: an entry with its weight."""
 
 SWITCHED = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
 )
-"""Type of switches, like `problem.solution.Switches`."""
+"""Type of a switch; `problem.solution.Switches` has the same fields."""
 
 
 NO_TIME = 1e-3
-"""Time limit in seconds so short that the solver makes only bounds."""
+"""Time limit in seconds that is so short that the solver only computes simple bounds."""
 
 
 def solve_shard(
@@ -147,22 +155,22 @@ def solve_shard(
     solver: Certified,
     end: float | None = None,
 ) -> None:
-    """Solve and prove a shard, and write its contribution.
+    """Solve and prove a shard, and write its costs and tables.
 
     Parameters
     ----------
     output : str
         Folder to write.
     folders : tuple of str
-        Folders of the entries of all blocks, sorted by time.
+        Folders of all blocks that `sort_entries` wrote, in order of time.
     number : int
-        Number of the shard.
+        Index of the shard.
     parameters : Parameters
         Parameters of the metric.
     solver : Certified
         Solver with its settings.
     end : float, optional
-        Deadline in terms of `time.time()`; the bounds reached by then are written.
+        Deadline on the clock of `time.time()`. The bounds that are reached by then are written.
     """
     entry = np.concatenate([load_part(Path(folder), "entries", number) for folder in folders])
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
@@ -170,7 +178,7 @@ def solve_shard(
     problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    if end is not None:  # the clocks of a cluster limit its precision
+    if end is not None:  # its precision depends on the clocks of the machines in a cluster
         solver = replace(solver, time_limit=max(end - time.time(), NO_TIME))
     solution = solver(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
@@ -223,14 +231,14 @@ def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
 def problem_of(
     entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
-    """Return entries as a separate problem, whose objects are those that have an entry.
+    """Return the problem of some entries. Its states are only those that have an entry.
 
     Parameters
     ----------
     entry : array of ENTRY
         Entries sorted by (step, truth, estimate).
     first : int
-        Global number of the first step of the problem.
+        Global number of the step that becomes step 0 of the problem.
     numbers : pair of int arrays
         Global numbers of the problem's truths and of its estimates, sorted.
     parameters : Parameters
@@ -275,7 +283,7 @@ def problem_of(
         estimate_row=rows[1],
         cost=np.ascontiguousarray(entry["cost"]),
         switch_price=parameters.switch_price,
-        signed=any_marks,  # an ignored truth may be farther than the cutoff
+        signed=any_marks,  # a pair with an ignored truth can be near beyond the cutoff
     )
     return ignore_states(problem, *unjudged)
 
@@ -283,7 +291,11 @@ def problem_of(
 def tables_of(
     states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
 ) -> dict[str, Table]:
-    """Return tables of the assignment with global numbers, by the names of their files."""
+    """Return the tables of assigned pairs and of switches, by the names of their files.
+
+    `weights` is a feasible assignment. `first` and `numbers` are those of `problem_of`. The tables
+    have global numbers of steps and tracks.
+    """
     truths, estimates = numbers
     used = read_assigned(states, weights)
     assigned = np.empty(len(used.step), ASSIGNED_PAIR)

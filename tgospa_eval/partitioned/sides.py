@@ -1,7 +1,8 @@
-"""One side that is read in parts: all its times at once, its rows block by block.
+"""One side that is read in parts: all its times at once, and its rows block by block.
 
-A block has the same rows as if `formats.read` read one file with all rows, in this range of time.
-Formats, the order of the files and overlaps of their times make no difference.
+The rows of a block are those that `formats.read` would return for this range of time, from one file
+with all rows. The format of the files, their order, and overlaps of their times make no difference.
+The *index* of a side is a folder with its distinct times and its rows sorted by time (see `runs`).
 """
 
 import hashlib
@@ -59,7 +60,7 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
-"""Assumed number of bytes of a line of text; with longer lines, runs have fewer rows."""
+"""Assumed number of bytes of a line of text. If lines are longer, runs have fewer rows."""
 
 MIN_TEXT, MAX_TEXT = 1 << 12, 1 << 26
 """Smallest and largest number of bytes of text that are read at once."""
@@ -89,7 +90,7 @@ def index_side(
     name: str,
     run: Run,
 ) -> None:
-    """Sort the rows of all files into runs, and write the steps.
+    """Write the index of a side: its rows in runs, and its times.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def index_side(
     InputError
         A row is wrong, or a file is damaged or has other columns than the first file.
     ConfigError
-        Times cannot be converted, or --time has times of another kind.
+        Times cannot be converted, or the times of the option ``--time`` are of another kind.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
     tasks: dict[str, Task] = {
@@ -158,7 +159,10 @@ def table_pieces(
     options: ReadOptions,
     rows_together: int,  # noqa: ARG001  (same signature as `text_pieces`)
 ) -> list[tuple[FilePiece, int]]:
-    """Return the row groups of Parquet files that have rows, and the number of rows of each."""
+    """Return the row groups of Parquet files as pieces, and the number of rows of each.
+
+    Row groups without rows are left out.
+    """
     pieces = []
     first = side_roles("parquet", files[0], options)
     for file in files:
@@ -174,7 +178,7 @@ def table_pieces(
 def text_pieces(
     files: Sequence[File], options: ReadOptions, rows_together: int
 ) -> list[tuple[FilePiece, int]]:
-    """Return stretches of CSV files, and the approximate number of rows of each."""
+    """Divide CSV files into pieces; return them, and the approximate number of rows of each."""
     size = min(max(rows_together * BYTES_OF_LINE, MIN_TEXT), MAX_TEXT)
     pieces = []
     first = side_roles("csv", files[0], options)
@@ -219,34 +223,34 @@ def columns_in_use(roles: Roles) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSteps:
-    """Steps of a side within the requested range of time, and the runs that have their rows.
+    """Distinct times of a side within the requested range of time, and the runs with its rows.
 
     Parameters
     ----------
     raw : (T,) int64 or float64 array
-        Distinct times as in the files.
+        Times as in the files.
     times : (T,) int64 or float64 array
-        Distinct times on the clock of the evaluation.
+        The same times after conversion by the options of the evaluation.
     counts : (T,) int64 array
-        Rows at each time.
+        Number of rows at each time.
     labels : (T,) array of bytes, optional
-        Displayed times in UTF-8, if they are not numbers.
+        Texts that display the converted times, in UTF-8, if times are not numbers.
     texts : (T,) array of bytes, optional
-        Times as read, in UTF-8, if they are not numbers.
+        Texts of the times in the files, in UTF-8, if times are not numbers.
     converted : bool
         Whether `times` differ from `raw`.
     clock : {"number", "local", "zoned"}
         Kind of the times.
     rows : int
-        Rows of all files.
+        Number of rows of all files.
     classes : list of str
-        Classes of the rows, if classes are requested or decide which rows are ignored.
+        Classes of all rows, if an option needs classes or attributes; else empty.
     left_out : dict of str to int
-        Number of rows that --time leaves out, by rule.
+        Number of rows outside the requested range of time, with the key ``"time"``, if any.
     runs : list of str
-        Folders of the runs, which have the rows.
+        Folders of the runs.
     ends : (N, 2) array
-        First and last time of each run, as in the files.
+        First and last time of each of the N runs, as in the files.
     """
 
     raw: TimeArray
@@ -263,7 +267,7 @@ class SideSteps:
     ends: Floats | Ints
 
     def read_as(self, time: float) -> str | float:
-        """Return a time as in the files."""
+        """Return, for a time in `times`, the number or text in the files."""
         at = int(np.searchsorted(self.times, time))
         read: str | float = self.raw[at].item() if self.texts is None else self.texts[at].decode()
         return read
@@ -277,7 +281,10 @@ def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
 def _save_steps(
     timestamps: Timestamps, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, object]:
-    """Write the steps of a side into a folder, and return further facts about the side."""
+    """Write the arrays of `SideSteps` into a folder, and return its fields that depend on options.
+
+    `name` is the name of the side in messages.
+    """
     labels = None if timestamps.label is None else decoded(timestamps.label)
     times, shown = options.conversion.times(timestamps.value, timestamps.clock, labels, name)
     inside = np.ones(len(times), bool)
@@ -302,7 +309,7 @@ def _save_steps(
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """Read the files of `index_side`; arrays stay in their files.
+    """Read the times of a side from its index. Arrays are mapped from their files, not copied.
 
     Raises
     ------
@@ -332,29 +339,29 @@ def steps_of(store: str) -> SideSteps:
 
 
 KEY_DIGITS = 16
-"""Digits of the digest of files and options that names the folder of a side's index."""
+"""Number of hexadecimal digits of the digest in the name of an index (see `_key`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartsSide:
-    """One side that is read in parts; it is sent to the processes that read blocks.
+    """One side that is read in parts. Processes that read blocks receive a copy of this object.
 
     Parameters
     ----------
     path : str
         Folder or file of the side.
     format : {"parquet", "csv"}
-        Format of its files.
+        Format of the files.
     options : ReadOptions
-        Options for reading it.
+        Options for reading the files.
     store : str
-        Folder of its index.
+        Folder of the index.
     roles : Roles
         Roles of the columns of the first file.
     clock : {"number", "local", "zoned"}
-        Kind of the times; for a side without times, the kind of the other side.
+        Kind of the times. If the side has no times, it is the kind of the other side.
     marked : callable, optional
-        Function that marks the ignored states of a reading.
+        Function that marks the states in a reading that are ignored.
     """
 
     path: str
@@ -372,29 +379,29 @@ class PartsSide:
 
     @property
     def steps(self) -> SideSteps:
-        """Steps within the requested range of time."""
+        """Times within the requested range of time, and runs."""
         return steps_of(self.store)
 
     @property
     def times(self) -> TimeArray:
-        """(T,) distinct times in order, on the clock of the evaluation."""
+        """Distinct times in order (T,), after conversion by the options of the evaluation."""
         return self.steps.times
 
     @property
     def counts(self) -> Ints:
-        """(T,) rows at each time, including rows that take no part."""
+        """Number of rows at each time (T,), including rows that options leave out."""
         return self.steps.counts
 
     @property
     def labels(self) -> NDArray[np.object_] | None:
-        """(T,) displayed times, if they are not numbers."""
+        """Texts that display the times (T,), if times are not numbers."""
         labels = self.steps.labels
         return None if labels is None else decoded(labels)
 
     def read(self, first: float, last: float) -> Reading:
-        """Read the rows from time `first` to `last`, both included, and count the rows left out.
+        """Read the rows from time `first` to `last`, both included, and count rows left out.
 
-        Notices come from `said`, which needs the counts of all blocks.
+        The result has no notices: `said` returns them when the counts of all blocks are known.
 
         Raises
         ------
@@ -413,7 +420,8 @@ class PartsSide:
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
         ids = rows.ids
-        if [*ids[0][:2]] == ["-1"]:  # other blocks may have more ids: see `check_ids`
+        # In a file, -1 as the only id is an error. Other blocks can have more ids: see `check_ids`.
+        if [*ids[0][:2]] == ["-1"]:
             ids = np.array(["-1", ""], dtype=object), ids[1]
         rows = replace(
             rows,
@@ -444,7 +452,8 @@ class PartsSide:
         Parameters
         ----------
         left_out : mapping of str to int
-            Numbers of rows left out in all blocks, by rule (`Reading.left_out`).
+            Number of rows that are left out in all blocks, for each rule that leaves rows out (see
+            `Reading.left_out`).
         """
         which = self.options.on_duplicate
         rules = (*rules_said(), "duplicate")
@@ -462,7 +471,7 @@ class PartsSide:
         return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
-        """Check that the ids of all blocks are ids of tracks.
+        """Check that the ids of all blocks together are not those of a file of detections.
 
         Raises
         ------
@@ -492,18 +501,19 @@ def open_side(
     rows_together: int,
     run: Run,
 ) -> PartsSide:
-    """Index a side: put its rows in order of time, and find its steps.
+    """Open a side that is read in parts, and make its index if there is none.
 
     Parameters
     ----------
     path : path
         A folder of Parquet or CSV files, which may have subfolders, or one such file.
     options : ReadOptions
-        Options for reading it.
+        Options for reading the files.
     role : {"truth", "estimate"}
         Which side it is.
     work : Path
-        Folder for the index and the sorted rows. An index that is already there is used.
+        Folder for indices. If it has an index of the same files, options and `rows_together`, this
+        is used.
     rows_together : int
         Approximate number of rows of the blocks that will be read.
     run : callable
@@ -512,7 +522,7 @@ def open_side(
     Raises
     ------
     InputError
-        No file exists, a file is wrong or damaged, or the files do not fit together.
+        No file exists, a file is wrong or damaged, or the files have different columns or formats.
     ConfigError
         An option needs all rows at once, or a package is missing.
     """
@@ -534,7 +544,7 @@ def open_side(
 
 
 def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together: int) -> str:
-    """Return the name of the index of these files, read with these options."""
+    """Return a digest of files and options, for the name of the index."""
     sha = hashlib.sha256(f"{format} {rows_together} {len(files)}".encode())
     for file in files:
         state = file.path, file.place, file.keys, *state_of(os.stat(file.place))
@@ -545,13 +555,13 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
 
 
 def _settled(options: ReadOptions) -> ReadOptions:
-    """Return options for rows whose times are already converted and filtered."""
+    """Return the options without conversion and filter of times, because both are done already."""
     conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
     return replace(options, time=None, conversion=conversion)
 
 
 def _labelled(block: Trajectories, labels: NDArray[np.object_]) -> Trajectories:
-    """Return a block with labels of its times, without checking it again."""
+    """Return the rows of a block with labels of the times, without checking the rows again."""
     part = object.__new__(Trajectories)
     vars(part).update(vars(block), labels=labels)
     freeze(part)

@@ -1,8 +1,8 @@
 """Tables of a result, written as Parquet in chunks, with one chunk in memory at a time.
 
-Columns and order of rows are those of the CSV file of the same name
-(docs/reference/result-tables.md). Arrays are in units of c^p with global numbers of tracks and
-steps; this module converts them to the units and names of the user.
+A table has the same columns, and rows in the same order, as the CSV file of the same name
+(docs/reference/result-tables.md). This module reads arrays that `shards` wrote. They have costs in
+units of c^p, and global numbers of tracks and steps. Tables have the units and names of the user.
 """
 
 import itertools
@@ -36,20 +36,21 @@ if TYPE_CHECKING:
 
 
 ROW_GROUP = 1 << 17
-"""Number of rows of a row group; one row group is in memory while a table is written or read."""
+"""Number of rows of a row group. Writers and readers have one row group in memory at a time."""
 
 REPEATED = ("t", "weight", "mass")
-"""Columns of doubles with few distinct values, which are stored with a dictionary of the values.
-Other columns of doubles are smaller and faster to write without a dictionary."""
+"""Columns of doubles that have few distinct values. They are stored with a dictionary of these
+values. Other columns of doubles are smaller and faster to write without a dictionary."""
 
 
 Names: TypeAlias = Mapping[str, NDArray[Any]]
-"""Names by number: ``times`` of steps as they were read, and ids of ``truths`` and ``estimates``.
-Texts are not Python objects, so that the arrays can be mapped from files."""
+"""Names of steps and tracks: ``times`` has the displayed time of each step, and ``truths`` and
+``estimates`` have the id of each track. Texts are not Python objects, so that the arrays can be
+mapped from files."""
 
 
 def _write_columns(path: str, columns: Arrays) -> None:
-    """Write columns that are in memory."""
+    """Write a table from columns that are in memory."""
 
     def own(rows: slice) -> Arrays:
         return {name: column[rows] for name, column in columns.items()}
@@ -62,7 +63,7 @@ def _write_columns(path: str, columns: Arrays) -> None:
 def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: Parameters) -> None:
     """Write the switches of all shards, sorted by time: ``switches.parquet``.
 
-    Pieces have the type SWITCHED; an estimate of -1 means no estimate.
+    `pieces` are files with arrays of type SWITCHED, in which -1 means "no estimate".
     """
     price = parameters.scale * parameters.switch_price
 
@@ -89,20 +90,21 @@ def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: 
 def write_table(
     path: str, columns_of: Callable[[Any], dict[str, Any]], chunks: Iterable[Any], none: Any
 ) -> None:
-    """Write a table in row groups under a temporary name, and rename it.
+    """Write a table under a temporary name, and rename it at the end.
 
-    Row groups have `ROW_GROUP` rows, so the bytes of the file do not depend on sizes of chunks.
+    All row groups have `ROW_GROUP` rows, except the last. So the bytes of the file do not depend on
+    the sizes of the chunks.
 
     Parameters
     ----------
     path : str
         Path of the file; its folder is created if needed.
     columns_of : callable
-        Function that returns the columns of a chunk by name.
+        Function that receives a chunk and returns its columns by name.
     chunks : iterable
-        Rows in order, in chunks of any size.
+        Chunks of any size, in order. A chunk is any object that `columns_of` accepts.
     none
-        A chunk without rows, which defines the columns.
+        A chunk without rows, from which the names and types of the columns are taken.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def write_table(
 
 
 def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Iterator[pa.Table]":
-    """Yield the rows in tables of `ROW_GROUP` rows; the last table has the rest."""
+    """Yield the rows of all chunks as tables of `ROW_GROUP` rows; the last table has the rest."""
     import pyarrow as pa
 
     pending, rows = list[pa.RecordBatch](), 0
@@ -162,9 +164,10 @@ def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Ite
 
 
 def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
-    """Return names as an Arrow array.
+    """Return texts or numbers as an Arrow array, with missing values where `absent` is True.
 
-    It is built from buffers, because `pyarrow.array` imports pandas: 45 MB in each process.
+    It is built from buffers. The reason is that `pyarrow.array` imports pandas, which takes 45 MB
+    in each process.
     """
     import pyarrow as pa
 
@@ -172,7 +175,8 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     if names.dtype.kind in "iuf":
         kind = pa.from_numpy_dtype(names.dtype)
     else:
-        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)  # even if empty
+        # The last conversion ensures the type, also if there are no names.
+        coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)
         length = np.char.str_len(coded)
         letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
         values = [
@@ -185,13 +189,13 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
 
 
 # -------------------------------------------------------------------------------------------------
-# Assigned pairs and switches of all shards as tables sorted by time.
+# Assigned pairs of all shards as one table sorted by time, in several files.
 
 ROWS_A_PART = 1 << 23
-"""Number of rows of a file of assigned pairs; rows of its last step may exceed this number."""
+"""Approximate number of rows of a file of assigned pairs. All rows of a step are in one file."""
 
 ROWS_AT_ONCE = 1 << 15
-"""Number of rows that are sorted at once; rows of the last step may exceed this number."""
+"""Approximate number of rows that are sorted at once. All rows of a step are sorted together."""
 
 ORDER = ("step", "truth", "estimate")
 
@@ -205,7 +209,7 @@ def write_part(
     *,
     masked: bool,
 ) -> None:
-    """Write the assigned pairs of some steps: ``assignments/part-*.parquet``.
+    """Write the assigned pairs of some steps into one file ``assignments/part-*.parquet``.
 
     Parameters
     ----------
@@ -214,19 +218,20 @@ def write_part(
     pieces : sequence of str
         Files of ASSIGNED_PAIR, each sorted by time.
     edges : (n + 1,) int array
-        Edges of n ranges of steps with about `ROWS_AT_ONCE` rows each.
+        First step of each of n ranges of steps, and the end. Each range has about `ROWS_AT_ONCE`
+        rows.
     names : str
-        Folder of the names, each in a file NAME.npy.
+        Folder with the arrays of `Names`, in files such as ``truths.npy``.
     parameters : Parameters
         Parameters of the metric.
     masked : bool
-        Whether there are ignored states.
+        Whether the table has a column ``ignored``, because there are ignored or excused states.
     """
     times, *ids = (
         np.load(Path(names, f"{name}.npy"), mmap_mode="r")
         for name in ("times", "truths", "estimates")
     )
-    truths, estimates = map(_array, ids)  # once for all chunks, which is three times faster
+    truths, estimates = map(_array, ids)  # once for all chunks: three times faster than for each
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         weight, cost = chunk["weight"], chunk["cost"]
@@ -247,7 +252,11 @@ def write_part(
 
 
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
-    """Yield the rows of all pieces sorted by `ORDER`, one stretch between edges at a time."""
+    """Yield the rows of all pieces sorted by `ORDER`, one range of steps at a time.
+
+    `pieces` are files with arrays sorted by time. `edges` has the first step of each range, and the
+    end. Ranges without rows are left out.
+    """
     opened = [np.load(piece, mmap_mode="r") for piece in pieces]
     for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         parts = [rows[_first(rows, low) : _first(rows, high)] for rows in opened]
@@ -256,25 +265,27 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
-        for rows in opened:  # pages read from mapped files would count as memory
+        for rows in opened:  # free pages of mapped files, which count as memory of the process
             if hasattr(rows.base, "madvise"):
                 rows.base.madvise(mmap.MADV_DONTNEED)
 
 
 def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
-    """Return the columns in addition to those of ASSIGNED_PAIR."""
+    """Return the names of the fields that a type has in addition to those of ASSIGNED_PAIR."""
     return (kind.names or ())[len(ASSIGNED_PAIR.names or ()) :]
 
 
 def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
-    """Return the assigned pairs of a range of steps, with the values that `scan` wrote for them.
+    """Return the assigned pairs of a block, with the further values that `scan` wrote for them.
+
+    The values are multiplied by the weights of the pairs, except NEES.
 
     Parameters
     ----------
     block : Scanned
-        The range of steps.
+        The block of time.
     numbers : pair of int arrays
-        Global numbers of its truths and of its estimates, sorted.
+        Global numbers of the truths and of the estimates in the block, sorted.
     pieces : sequence of str
         Files of ASSIGNED_PAIR, each sorted by time.
     """
@@ -299,16 +310,23 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
 def sums_beside(
     pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
-    """Add up further values of assigned pairs and their NEES: by step, by truth, by estimate.
+    """Add up the further values of assigned pairs: by step, by truth, and by estimate.
 
     Parameters
     ----------
     pieces : iterable
-        Outputs of `looked_up`, sorted by time.
+        Results of `looked_up` for all blocks, in order of time.
     sizes : sequence of int
         Numbers of steps, truths and estimates.
     components : int
-        Number d of components of a state.
+        Number of components of a state.
+
+    Returns
+    -------
+    dict of dict of arrays
+        Columns by name, for each of `ORDER`.
+    NeesSums or None
+        Sums of NEES over all pairs, if there are any.
     """
     by: dict[str, Arrays] = {index: {} for index in ORDER}
     nees: list[NeesSums] = []
@@ -336,7 +354,7 @@ def sums_beside(
 
 
 def _first(rows: NDArray[np.void], step: int) -> int:
-    """Return the first row of this step or of a later step, by bisection."""
+    """Return the index of the first row of this step or of a later step."""
     return bisect_left(rows, step, key=_step)
 
 
@@ -357,12 +375,12 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
 
 
 def existing_files(folders: Iterable[Path], name: str) -> list[Path]:
-    """Return the files with this name in the folders."""
+    """Return the file with this name in each of the folders that has one."""
     return [folder / name for folder in folders if (folder / name).exists()]
 
 
 # -------------------------------------------------------------------------------------------------
-# Results of the shards as the tables of a result.
+# All tables of a result, from the results of the shards.
 
 
 def write_tables(
@@ -382,21 +400,21 @@ def write_tables(
     Parameters
     ----------
     folder : str
-        Folder of the tables; a folder `names` is made next to it.
+        Folder of the tables. A folder ``names`` is made next to it.
     names : Names
         Times and ids.
     proof : Costs
         Costs of the whole evaluation.
     tracks : pair of pairs
-        Number of steps and costs of each track: a pair for truths, and a pair for estimates.
+        For truths and for estimates: the number of rows of each track, and the costs of each track.
     shards : sequence of Path
-        Folders with ``switched.npy``, each sorted by time.
+        Folders that `solve_shard` wrote, with switches sorted by time.
     run : callable
         Function that does tasks.
     assigned : sequence of Path
         Files of assigned pairs, each sorted by time.
     further : mapping
-        Further columns of steps, truths and estimates, by the names of `ORDER`.
+        Further columns of the tables of steps, truths and estimates, by the names in `ORDER`.
     assignments : bool
         Whether to fill the table of assigned pairs, which is as long as the data. If not, the
         table has no rows.

@@ -1,4 +1,7 @@
-"""Tasks that write one output each. Work can continue, because finished tasks are skipped."""
+"""Tasks that write one output each.
+
+After an interruption, work continues where it ended: tasks whose output exists are skipped.
+"""
 
 import os
 import shutil
@@ -19,14 +22,16 @@ REMOVED = ".removed-"
 
 
 Task = Callable[[str], None]
-"""Function that writes one output, a file or folder of the given path. It must be picklable."""
+"""Function that receives a path and writes a file or folder there, its output. It must be
+picklable."""
 
 Run = Callable[[Mapping[str, Task]], None]
-"""Function that does tasks in any order, given by their outputs; finished tasks are skipped."""
+"""Function that does tasks in any order. It receives the tasks by the paths of their outputs, and
+skips tasks whose output exists."""
 
 
 def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
-    """Do a task, and return its output and False, which means that its process has not died."""
+    """Do a task; return the path of its output, and False, because its process did not die."""
     output, task = job
     if not os.path.exists(output):
         task(output)
@@ -48,11 +53,13 @@ def run_tasks(
     Parameters
     ----------
     tasks : mapping of str to Task
-        Tasks by their outputs, which they write by `writing`, in the order in which to begin.
+        Tasks by the paths of their outputs, in the order in which they begin. A task must write its
+        output at once, by `writing` or `writing_folder`.
     engine : PersistentPool, optional
-        Pool that does the tasks once its patience is over; by default this process does them.
+        Pool that does the tasks. This process does them until the pool's `patience`, in seconds of
+        work, is used up. By default this process does all tasks.
     done : callable
-        Function that receives the output of each task when it exists.
+        Function that receives the path of each output as soon as it exists.
 
     Raises
     ------
@@ -87,8 +94,8 @@ def run_tasks(
 def removing(work: Path, but: str = "") -> Iterator[None]:
     """Remove the folders in a folder of work, except the one named `but`.
 
-    All folders are renamed before the body of the ``with`` runs, and removed after it. Otherwise an
-    interruption could leave a partly removed folder that looks like finished work.
+    The folders are moved aside before the body of the ``with`` runs, and removed after it.
+    Otherwise an interruption could leave a partly removed folder that looks like finished work.
 
     Raises
     ------

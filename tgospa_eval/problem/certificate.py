@@ -1,19 +1,22 @@
 """Proof: bounds of the optimum from the proposal of a solver, and the split of the cost.
 
-Everything works on the whole reduced problem, in compiled kernels or equivalently in NumPy.
+The letters of the mathematics are those of docs/theory/notation.md. Sizes of arrays, such as (S,),
+are explained in `problem.states`.
+
+Compiled kernels do the work, or NumPy with the same results, for all blocks of a problem.
 This module imports no solver, so that no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
 Blocks (connected parts of the problem) may be solved at a smaller cutoff. Let V(C) be the optimum
-at C = c^p. At step k there are m_k true objects and n_k estimates, and nu_k is the size of a
-largest matching of near pairs. Then
+of a block at C = c^p. At step k the block has m_k true objects and n_k estimates, and nu_k is the
+largest number of near pairs that can be assigned at once. Then
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1,
 
-where a missed target costs A C and a false target B C, with A + B = 1. The reason is that every
-cost is a sum, min(d^p, C) = min(d^p, s C) + rest (docs/theory/certificate.md, "Cutoffs far above
-the errors").
+where a missed target costs A C and a false target B C, with A + B = 1. This follows from splitting
+each cost into two summands, min(d^p, C) = min(d^p, s C) + rest (docs/theory/certificate.md,
+"Cutoffs far above the errors").
 """
 
 import math
@@ -61,7 +64,7 @@ class UnassignedPrices:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
     def prices(self, block: int) -> list[float]:
-        """Return the price of each true object and estimate of a block at each step."""
+        """List the prices of all states in a block: those of true objects, then of estimates."""
         prices: list[float] = []
         for (of_row, price), order in zip(self.sides, self.order, strict=True):
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
@@ -69,19 +72,19 @@ class UnassignedPrices:
         return prices
 
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
-        """Return ``A (m - g) + B (n - g)`` for each block, as terms that are rounded down.
+        """Return ``A (m - g) + B (n - g)`` for each block, as a list of terms, rounded down.
 
-        This is the price of leaving all of a block unassigned except g pairs. The block has m
-        states of true objects, with the price A each, and n states of estimates, with the price B
-        each (`alike`, which must not be None). If A = B there is one term, otherwise there is one
-        for the truth and one for the estimate.
+        This is the price of leaving everything in a block unassigned except g pairs. The block has
+        m states of true objects, with the price A each, and n states of estimates, with the price B
+        each. All blocks must have the same A and B, so that `alike` is not None. If A = B the list
+        has one term. Otherwise it has one for the truth and one for the estimate.
 
         Parameters
         ----------
         blocks : slice
-            Which blocks.
+            Blocks to add up.
         pairs : float array
-            The number g of each of these blocks.
+            Number g of pairs of each of these blocks.
         """
         first, second = self.alike or (0.0, 0.0)
         truths, estimates = (count[blocks] - pairs for count in self.counts)
@@ -92,7 +95,7 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Return the cost of true objects and of estimates outside all blocks, rounded down."""
+    """Return two costs, rounded down: of all true objects and of all estimates outside blocks."""
     totals = [0.0, 0.0]
     for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
         if (unpaired := blocks < 0).any():
@@ -105,10 +108,12 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Base at which integer prices are split into two halves, whose sums do not overflow."""
+"""Integer prices are split into a multiple of this number and a remainder. Sums of the two halves
+do not overflow."""
 
 TERMS_TOGETHER = 64
-"""Number of terms of a cost that are added with rounding; their sums are added exactly."""
+"""Number of terms of a cost in one group. The terms of a group are added with rounding. Then the
+sums of the groups are added exactly."""
 
 LARGEST_PRICE = 1e100
 """Largest price that a proof uses; larger prices count as 0."""
@@ -119,9 +124,9 @@ def certify(
 ) -> tuple[Bounds, Ints, Breakdown]:
     """Prove ``sum A + sum B - Z(v) <= optimum <= cost of W`` from proposed weights W and prices v.
 
-    A and B are the prices of unassigned objects and estimates. For any v >= 0,
-    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``. Both bounds are summed in
-    forms in which no digits cancel (docs/theory/certificate.md).
+    A and B are the prices of unassigned objects and estimates. For any v >= 0, Z(v) is the sum of
+    all prices v, plus the value of the best path of each row with the gains G - v. Both bounds are
+    summed in forms in which no digits cancel (docs/theory/certificate.md).
 
     Parameters
     ----------
@@ -139,7 +144,7 @@ def certify(
     weights : (S,) int array
         The feasible assignment, in units of 1/ONE.
     Breakdown
-        Cost of the assignment by step. Its sum is the upper bound before this is rounded outward.
+        Cost of the assignment by step. The upper bound is its `total`, rounded outward.
 
     Raises
     ------
@@ -168,7 +173,8 @@ def prove(
     weights : (S,) int array
         The feasible assignment, in units of 1/ONE.
     lower : (B,) float array
-        Lower bound of the cost of each block, including its objects at steps outside its window.
+        Lower bound of the cost of each block. The block's objects count at all steps, also outside
+        the window of the block.
     Breakdown
         Cost of the assignment.
     """
@@ -178,7 +184,7 @@ def prove(
 
 
 def feasible(states: States, proposed: Floats) -> Ints:
-    """Return a feasible assignment (S,), in units of 1/ONE, in the memory of the proposed one."""
+    """Return a feasible assignment (S,), in units of 1/ONE, which overwrites the proposed one."""
     given = np.require(proposed, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     for low, high in states.cuts(PART):
@@ -189,10 +195,12 @@ def feasible(states: States, proposed: Floats) -> Ints:
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """Return ``L / (1 + delta)``: a lower bound for exact costs, from L for computed costs.
+    """Return ``(L - s) / (1 + delta)``: a lower bound for exact costs, from L for computed costs.
 
-    The relative error of all costs and switch prices is at most delta = `cost_error`. The optimum
-    is a minimum of their sums with weights >= 0 (docs/theory/certificate.md, "Rounding").
+    The relative error of all costs and switch prices is at most delta = `cost_error`. So the
+    optimum, a weighted sum of them with weights >= 0, has at most the same relative error. The sum
+    of computed costs may also be too large by s = `cost_slack` (docs/theory/certificate.md,
+    "Rounding").
     """
     lower = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
     return max(lower * (1 - 4 * ROUNDOFF), 0.0)
@@ -203,16 +211,17 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 
     The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U. Each term is off by at most 3 u,
     and adding `TERMS_TOGETHER` = 64 terms by at most 63 u more. The other 6 u are for the
-    operations here. The divisor covers the error of the costs, at most delta = `cost_error`
-    (see `lower_cost`).
+    operations in this function. The divisor covers the relative error of the costs, which is at
+    most delta = `cost_error` (see `lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
 
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
-    """Return a lower bound of the cost of the objects of each block, (B,), from prices >= 0.
+    """Return a lower bound of the cost of each block, (B,), from proposed prices.
 
-    If a block was solved at smaller cutoffs (`reduce_cutoff`), the best bound from those counts.
+    The blocks in `reduced` were solved at one or more smaller cutoffs (`reduce_cutoff`). Their
+    bound is the best that these solutions prove.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -243,13 +252,17 @@ def _bounds_of_prices(
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
-    Here ``best`` is the best pair of each row and step, and best_i the value of the best path of
-    row i at the `relative_gains`. No digits cancel, because the parentheses are exact sums or
-    differences of integers.
+    The best pair of a row at a step is the one with the largest gain minus price. "sum_best" is the
+    sum over these pairs, for all rows and steps. best_i is the value of the best path of row i with
+    the `relative_gains`. No digits cancel: each parenthesis is an exact sum, or a difference of
+    integers.
+
+    `states` has some consecutive blocks of the whole, of which `low` is the first. `objects` has
+    the prices of the whole.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    left = np.ones(len(prices), np.int32)  # minus 1 for each pair that is put aside
+    left = np.ones(len(prices), np.int32)  # 1 minus the number of best pairs in each slot
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -284,10 +297,11 @@ def _bounds_of_prices(
 def row_terms(
     rows: States, running: tuple[Floats, Ints], left: Ints
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return the terms of some rows in a lower bound, by node, at prices from `Slots.running`.
+    """Return the terms that some rows contribute to a lower bound, for each node.
 
-    The best pair of each row and step is put aside, to be counted separately. `left` decreases by 1
-    at the slot of this pair.
+    The best pair of each row and step is put aside, to be counted separately. For each of these
+    pairs, `left` decreases by 1 at the column slot of the pair. `running` has the running sums of
+    the prices, from `Slots.running`.
 
     Returns
     -------
@@ -313,7 +327,10 @@ def row_terms(
 
 
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
-    """Return the cost of the best pair of each row and step, or 0; lower `left` at its slot."""
+    """Return the cost of the best pair of each row and step, or 0 if there is no such pair.
+
+    `left` decreases by 1 at the column slot of each of these pairs.
+    """
     columns = rows.columns
     if kernels:
         cost: Floats = kernels.put_aside(
@@ -338,7 +355,7 @@ def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
 
 
 def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
-    """Return ``-sum (left v)`` of each node, rounded up, in two halves that do not overflow."""
+    """Return ``-sum (left v)`` of each node, rounded down, as two summands that do not overflow."""
     if kernels:
         prices: Floats = kernels.idle_prices(*running, left, first)
         return prices
@@ -349,9 +366,10 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """Return bounds at C, (B,), from the bounds `inner` at s C: V(s C) + (1 - s) forced.
+    """Return lower bounds of the blocks, (B,), from their bounds `inner` at a smaller cutoff.
 
-    See `reduce_cutoff`. The bound is 0 for blocks that are not in `part`.
+    This is the inequality in the docstring of the module, with `inner` as bounds of V(s C). The
+    result is 0 for blocks that are not in `part`.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -378,23 +396,24 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
 
 
 def home_blocks(states: States, inner: States) -> Ints:
-    """Return the block of the whole that contains each block at a smaller cutoff."""
+    """Return, for each block at a smaller cutoff, the block of the whole that contains it."""
     truth = np.empty(len(inner.block_begin), np.int64)
     truth[inner.pair_block] = inner.pair_truth
     return states.track_blocks[0][truth]
 
 
 def _in_chunks(terms: Floats) -> list[float]:
-    """Return sums of TERMS_TOGETHER terms each."""
+    """Return the sums of groups of TERMS_TOGETHER terms."""
     sums: list[float] = np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
     return sums
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:
-    """Return ``W D``, ``A (1 - row sums)``, ``B (1 - column sums)``, ``lambda |W' - W|`` by step.
+    """Return the cost of a feasible assignment W by cause and step.
 
-    They are the localisation, missed, false and switch cost of a feasible assignment W
-    (docs/theory/metric.md, "Decomposition"), exact in W.
+    The costs are ``W D`` for localisation, ``A (1 - row sums of W)`` for missed targets,
+    ``B (1 - column sums of W)`` for false targets, and ``lambda |change of W|`` for switches
+    (docs/theory/metric.md, "Decomposition"). Sums and differences of weights are exact.
     """
     if not kernels:
         costs, terms = _break_down(states, weights)
@@ -405,10 +424,11 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 
 
 def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
-    """Break down parts of a problem that follow each other in time, by the kernels.
+    """Yield the breakdown of each part of a problem, computed by the kernels.
 
-    `bounds` has four arrays (parts + 1,): first pair, first truth row, first estimate row and first
-    step of each part. The last element of each array is the end of the last part.
+    The parts follow each other in time. `bounds` has four arrays (parts + 1,): first pair, first
+    truth row, first estimate row and first step of each part. The last element of each array is the
+    end of the last part.
     """
     costs, terms = kernels.break_down(states, weights, ONE, bounds)
     steps = bounds[-1].tolist()
@@ -418,7 +438,12 @@ def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> I
 
 
 def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Breakdown:
-    """Return the breakdown of a part from costs, counts and variation by step, and total terms."""
+    """Return the breakdown of a part.
+
+    `costs` has six arrays by step: localisation, missed and false cost, missed and false count, and
+    total variation of the weights. `price` is the price of half a switch into each step. The sum of
+    `terms` is the total cost.
+    """
     localisation, missed, false, missed_count, false_count, variation = costs
     return Breakdown(
         localisation=localisation,
@@ -433,7 +458,7 @@ def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Br
 
 
 def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
-    """Return costs, counts and variation by step, and partial sums of the total."""
+    """Return `costs` and `terms` for `_breakdown`, computed without kernels."""
     problem, steps = states.problem, states.problem.steps
     used, entry, whole = assigned(states, weights)
     paid = whole / ONE * problem.cost[entry]
@@ -453,14 +478,15 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Largest switch price; higher ones are lowered to it, which does not change the optimum."""
+"""Largest switch price. Higher prices are lowered to it, which does not change the optimum."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
-    """Return some blocks as a problem with the unit of costs c^p times `scale`, a power of 2.
+    """Return some blocks as a separate problem at a smaller cutoff.
 
-    Rows and tracks keep their numbers. All true objects must have the same price, and all estimates
-    must have the same price (`Problem.object_prices`).
+    Its costs are in units of ``scale c^p``, where `scale` < 1 is a power of 2. Rows and tracks keep
+    their numbers. All true objects must have the same price, and so must all estimates
+    (`Problem.object_prices`).
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -486,10 +512,11 @@ def _entries(states: States, blocks: Mask) -> Ints:
 
 
 def forced_cost(states: States, blocks: Mask) -> Floats:
-    """Return ``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
+    """Return ``sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` for each of these blocks, (B,).
 
-    nu_k is at most the size of any vertex cover of the near pairs. The size of a smallest cover is
-    exactly nu_k (König).
+    It is in units of c^p, and 0 for other blocks; the docstring of the module explains the letters.
+    A vertex cover of the near pairs of step k has at least nu_k rows. A smallest one has exactly
+    nu_k rows (König's theorem).
     """
     problem = states.problem
     count = len(states.block_begin)
@@ -511,10 +538,11 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 
 
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
-    """Return masks of truth rows and of estimate rows that cover the near pairs of some blocks.
+    """Return a smallest vertex cover of the near pairs of some blocks.
 
-    These rows come from a largest matching and are the fewest possible. It is checked that they
-    cover all near pairs.
+    A vertex cover is a set of rows with at least one row of each near pair. The result is a mask of
+    truth rows and a mask of estimate rows. It is computed from a largest matching. If a check shows
+    that it does not cover all near pairs, all rows are returned instead.
     """
     problem = states.problem
     entry = _entries(states, blocks)

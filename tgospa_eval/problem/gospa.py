@@ -1,8 +1,8 @@
 """GOSPA of every step separately, and the switches that its assignments happen to make.
 
-This is not a metric between trajectories. Each step is assigned independently of the other steps,
-and the changes from step to step are counted afterwards, by the rules of two tools. This module
-imports no solver.
+This is not a metric between trajectories. Each step is assigned independently of the other steps.
+Then the changes from step to step are counted, by the rules of Stone Soup and of MathWorks. This
+module imports no solver. `Problem` explains truth rows and entries.
 """
 
 from collections.abc import Iterator
@@ -14,23 +14,25 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
-"""Number of elements up to which a matrix of all pairs is dense."""
+"""A matrix of all pairs is dense if it has at most this number of elements."""
 
 SPARSE_RATIO = 8
-"""Number of elements for each near pair up to which a larger matrix is dense, too."""
+"""A larger matrix is also dense if it has at most this number of elements for each near pair."""
 
 
 Switched = tuple[Floats, Floats]
-"""Switches into each step, and the number of halves among the changes: those from or to "none"."""
+"""Number of switches into each step, and number of changes from or to "none" (half switches) among
+them: two arrays (T,)."""
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
     """Return the exact GOSPA (alpha = 2) of each step.
 
-    GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
-    c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
-    Connected components of the near pairs of a step are assigned separately. Among assignments of
-    equal cost the one that SciPy finds is used, with the objects in the order of their rows.
+    The p-th power of GOSPA is the smallest cost of a partial assignment. An assigned pair costs
+    min(d, c)^p, and an object without partner c^p / 2 (Rahmathullah, García-Fernández and Svensson,
+    2017). Connected components of the near pairs of a step are assigned separately. If several
+    assignments have the smallest cost, the one that SciPy returns is used. SciPy receives the
+    objects in the order of their rows.
 
     Returns
     -------
@@ -50,14 +52,17 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 
 
 def _cheapest(problem: Problem) -> Iterator[Ints]:
-    """Yield the entries of a cheapest assignment, by components of the graph of near pairs."""
+    """Yield the entries of a cheapest assignment of all steps.
+
+    The first array has those of all components with one pair. Each other component has its array.
+    """
     rows, columns = problem.truth_row, problem.estimate_row
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    unpaired = problem.pair_price  # tiny costs lose their digits in gains, 1 - cost
+    unpaired = problem.pair_price  # costs are used if possible: gains lose digits of tiny costs
     losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
@@ -66,10 +71,11 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
 
 
 def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
-    """Choose pairs to assign; `unpaired` is the cost of leaving both objects of a pair unassigned.
+    """Return the indices of the pairs to assign.
 
-    Every pair must cost less than `unpaired`. The choice has the least total cost among all choices
-    that use each row and each column at most once.
+    `unpaired` is the cost of leaving both objects of a pair unassigned. The cost `loss` of every
+    pair must be less. The choice has the smallest total cost among all choices that use each row
+    and each column at most once.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
@@ -88,7 +94,7 @@ def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> In
 def _assign_sparse(
     row: Ints, column: Ints, loss: Floats, unpaired: float, shape: tuple[int, int]
 ) -> Ints:
-    """Choose pairs without a dense matrix: an extra column for each row means unassigned."""
+    """Compute `assign_pairs` with a sparse matrix: an extra column of each row is "unassigned"."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
@@ -124,7 +130,7 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
     order = _by_truth(problem)
     order = order[reported[problem.truth_step[order]]]
     count = np.cumsum(track[order] >= 0)
-    # Assignments of other true objects before the first row of this one do not count.
+    # `count` runs over all true objects: for each, `before` is its value before the first row.
     opens = np.diff(problem.truth_track[order], prepend=-1) != 0
     before = np.where(opens, count - (track[order] >= 0), 0)
     order = order[count > np.maximum.accumulate(before)]
@@ -134,8 +140,8 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
 def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as MathWorks describes them.
 
-    The partners of a true object at a step and at the step before are compared if it exists at
-    both. A change counts 1, a change from or to "none" 1/2.
+    The partner of a true object at a step is compared with its partner at the step before, if the
+    object exists at both steps. A change counts 1, a change from or to "none" 1/2.
     """
     order = _by_truth(problem)
     return _changes(problem, track, order, np.diff(problem.truth_step[order]) == 1)
@@ -147,7 +153,11 @@ def _by_truth(problem: Problem) -> Ints:
 
 
 def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switched:
-    """Return changes from each row to the next of the same object, booked at the later step."""
+    """Return changes from each row to the next of the same object, booked at the later step.
+
+    `order` has truth rows sorted by object and step. `counts` is a mask of the transitions from one
+    row in `order` to the next: False for those that do not count.
+    """
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
     both = (after >= 0) & (before >= 0)

@@ -1,6 +1,8 @@
-"""The metric family as numbers of a `Problem`: TGOSPA, weighted steps, existence, ignored states.
+"""Problems of the metric family: TGOSPA, and its variants.
 
-This module also has the parameters of the metric, and bounds of the rounding of powers.
+The variants are weighted steps, objects with probabilities of existence, and ignored states. This
+module also has the parameters of the metric, and bounds of the rounding of powers. The letters are
+those of docs/theory/notation.md.
 """
 
 import math
@@ -19,7 +21,7 @@ POWER = 2.0**-50
 use are off by less than 2 units. Squares are rounded once."""
 
 SMALLEST_RHO = 1e-6
-"""Smallest rho and 1 - rho: a smaller share of c^p would lose its digits."""
+"""Smallest value of rho and of 1 - rho: a smaller share of c^p would lose its digits."""
 
 SMALLEST_POWER = 1e-306
 """Smallest positive cost and distance, near the smallest double: smaller ones are raised to it."""
@@ -34,12 +36,14 @@ class Parameters:
     cutoff : float
         c > 0, in units of the base distance: an error counts at most c.
     order : float
-        p >= 1: the exponent of the sum, never the norm of the base distance.
+        p >= 1: the exponent of all costs. It does not change the base distance.
     switch_penalty : float
-        gamma >= 0: a full track switch costs gamma^p; 0 gives per-step GOSPA, summed.
+        gamma >= 0: a full track switch costs gamma^p. If gamma is 0, the total is the sum of the
+        GOSPA costs of all steps.
     rho : float
-        0 < rho < 1: a false target costs rho c^p, a missed target (1 - rho) c^p. 1/2 is the metric;
-        other values give the quasi-metric of Garcia-Fernandez et al. (arXiv 2507.13706).
+        0 < rho < 1: a false target costs rho c^p, a missed target (1 - rho) c^p. With 1/2 the
+        result is the metric, with other values the quasi-metric of Garcia-Fernandez et al. (arXiv
+        2507.13706).
 
     Raises
     ------
@@ -79,7 +83,7 @@ class Parameters:
 
     @property
     def recorded(self) -> dict[str, float]:
-        """Parameters by name, for documents; rho only if it is not 1/2."""
+        """Parameters by name, as saved in results; without rho if it is 1/2."""
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
 
     @property
@@ -94,7 +98,7 @@ class Parameters:
         return missed, 1.0 - missed
 
     def in_words(self, unit: str | None = None) -> str:
-        """Format all parameters as "c = 10 m, p = 2, gamma = 2 m"."""
+        """Format the parameters as "c = 10 m, p = 2, gamma = 2 m", and rho if it is not 1/2."""
         after = f" {unit}" if unit else ""
         rho = "" if self.rho == 0.5 else f", rho = {self.rho:g}"
         return (
@@ -110,8 +114,8 @@ class Parameters:
     def switch_price(self) -> float:
         """Dimensionless price of half a switch, gamma^p / (2 c^p).
 
-        It is at most 1e100, because infinity times zero is not a number. The value of the metric is
-        already constant at smaller prices.
+        It is at most 1e100, because an infinite price times no switch would be NaN. The metric does
+        not change above much smaller prices.
         """
         try:
             return min(0.5 * math.pow(self.switch_penalty / self.cutoff, self.order), 1e100)
@@ -139,19 +143,23 @@ def tgospa_problem(
     """Build the problem ``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)``.
 
     This is the LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
-    Pairs at the cutoff or beyond are left out.
+    Pairs at the cutoff or beyond are left out. Parameters that are not listed here are those of
+    `Problem`.
 
     Parameters
     ----------
+    parameters : Parameters
+        Parameters of the metric.
     distance : (N,) float array
         Distances of the pairs, in the unit of the cutoff.
     distance_error : float
         Largest relative error of the distances.
     last_place : float
-        Largest change of a distance by rounding of the last digits of the states.
+        Largest change of a distance when the last digits of the states are rounded.
     near : (N,) bool array, optional
-        Mask of the pairs that count as nearer than the cutoff; by default those whose distance is
-        less than the cutoff. It is given only if `ignore_states` follows.
+        Mask of the pairs that count as nearer than the cutoff. By default it has the pairs whose
+        distance is less than the cutoff. A mask is given only for `ignore_states`, which must then
+        be applied to the result.
 
     Raises
     ------
@@ -197,17 +205,17 @@ def tgospa_problem(
 
 
 def _alike(price: float, size: int) -> Floats:
-    """Return `size` copies of a price in the memory of one number, as `np.broadcast_to`."""
+    """Return `size` copies of a price in the memory of one number, like `np.broadcast_to`."""
     return np.ndarray((size,), np.float64, np.array(price), strides=(0,))
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Refuse a cost of powers that underflow; such powers are harmless next to larger costs.
+    """Check that powers of distances that underflow are negligible in a total cost.
 
     Raises
     ------
     ConfigError
-        The cost consists of powers below the smallest double.
+        The possible error by powers below the smallest double exceeds 1e-9 of the total cost.
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
@@ -218,19 +226,26 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
 
 
 def _cost_error(order: float, distance_error: float) -> float:
-    """Return ``(1 + error of the distance + u)^p - 1 + 2 pi`` (docs/theory/certificate.md)."""
+    """Return the largest relative error of computed costs ``(d / c)^p``.
+
+    It is ``(1 + e + u)^p - 1 + 2 q``. The relative errors are e of the distance, u = 2^-53 of the
+    division, and q of the power (docs/theory/certificate.md, "Rounding").
+    """
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
 
 
 def _price_error(parameters: Parameters) -> float:
-    """Return the relative error of the prices: 1 - rho is rounded, and 1 - (1 - rho) is exact."""
+    """Return the largest relative error of the prices of a missed and of a false target.
+
+    It comes from 1 - rho, which is rounded. The subtraction 1 - (1 - rho) is exact.
+    """
     missed, false = parameters.unassigned_prices
     return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
 
 def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
-    """Refuse a cutoff at which underflow loses all digits of the powers that decide the result."""
+    """Raise a `ConfigError` if all powers of distances, or that of the penalty, underflow."""
     order, penalty = parameters.order, parameters.switch_penalty
     farthest = float(distance.max(initial=0.0))
     lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST_POWER else 0.0
@@ -248,15 +263,17 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
 
 
 # -------------------------------------------------------------------------------------------------
-# Other members of the metric family: weighted steps, or objects with a probability of existence.
+# Variants of the metric: weighted steps, objects with a probability of existence, ignored states.
 #
-# The same solvers solve all of them: only the numbers A, B, D and lambda of a `Problem` change.
+# The same solvers solve all variants: only the numbers A, B, D and lambda of a `Problem` change.
 
 LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
-"""Limits of weights other than 0: beyond these, costs would leave the range of doubles."""
+"""Limits of the weights of steps, which can also be 0. Beyond the limits, costs would leave the
+range of doubles."""
 
 ROUNDED = 6 * 2.0**-53
-"""Relative error of products with weights: each number has at most four rounded products."""
+"""Largest relative error by multiplication with weights. Each number has at most four rounded
+products."""
 
 SMALLEST_COST = 1e-300
 """Smallest positive weighted cost, near the smallest double: smaller ones are raised to it."""
@@ -290,15 +307,17 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
 
 
 def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
-    """Return ``A w(k), B w(k), D w(k), lambda w'(k)``: the problem with its steps weighted.
+    """Return the problem with weighted steps: ``A w(k), B w(k), D w(k), lambda w'(k)``.
 
-    Pairs at steps with weight 0 have no gain and are left out.
+    The weights w are `cost`, and w' are `switch` (see `check_weights`). Pairs at steps with weight
+    0 have no gain and are left out.
     """
     factor = cost[problem.entry_step]
     if problem.pair_share is not None:
         problem = replace(problem, pair_share=problem.pair_share * factor)
     switch = problem.switch_price * switch
-    same = bool(len(switch)) and bool((switch == switch[0]).all())  # runs of steps stay one state
+    # With one price for all steps, a run of steps without gain is one state.
+    same = bool(len(switch)) and bool((switch == switch[0]).all())
     largest = float(cost.max(initial=0.0))
     return _repriced(
         replace(
@@ -314,15 +333,17 @@ def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
 
 
 def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Problem:
-    """Return ``A r, B s, D min(r, s) + |r - s| / 2``: objects that exist with a probability.
+    """Return the problem of objects that exist with probabilities r (truth) and s (estimate).
 
-    This is the LP of the probabilistic metric (arXiv 2506.15148); `problem` must have A = B = 1/2.
-    If all probabilities are 1, the result is `problem` itself.
+    It has the numbers ``A r, B s, D min(r, s) + |r - s| / 2``. This is the LP of the probabilistic
+    metric (arXiv 2506.15148); `problem` must have A = B = 1/2. If all probabilities are 1, the
+    result is `problem` itself.
 
-    The cost of a pair is an optimal transport between two Bernoulli densities, on the states and
-    "none", which is c / 2^(1/p) from every state. The common probability min(r, s) moves by the
-    distance d, and the difference |r - s| moves to or from "none". So the gain of an assigned pair
-    is min(r, s) (1 - D). Pairs with r = 0 or s = 0 have no gain and are left out.
+    The cost of a pair is that of an optimal transport between two Bernoulli densities. They are
+    densities on the states and on "none", whose distance from every state is c / 2^(1/p). The
+    common probability min(r, s) moves by the distance d, and the difference |r - s| moves to or
+    from "none". So the gain of an assigned pair is min(r, s) (1 - D). Pairs with r = 0 or s = 0
+    have no gain and are left out.
 
     Parameters
     ----------
@@ -355,13 +376,17 @@ def needs_symmetry() -> str:
 
 
 def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
-    """Return ``A w, B (1 - e), D w``: w = 0 for ignored objects, e = 1 for excused estimates.
+    """Return the problem in which ignored objects and excused estimates do not count.
 
-    An ignored object absorbs one estimate at a time, at no cost. An excused estimate costs nothing
-    if it is unassigned. The gain of a pair with an ignored object is B (1 - e) if it is nearer than
-    the cutoff. The gain of an evaluated object and an excused estimate is A - D, if that is
-    positive. If nothing is ignored or excused, the result is `problem` itself. The result is not a
-    metric: a truth whose states are all ignored has the distance 0 from the empty set.
+    It has the numbers ``A w, B (1 - e), D w``, where w = 0 for ignored objects (else 1), and e = 1
+    for excused estimates (else 0). An ignored object absorbs one estimate at a time, at no cost. An
+    excused estimate costs nothing if it is unassigned. The gain of a pair with an ignored object is
+    B (1 - e) if the pair is nearer than the cutoff. The gain of an evaluated object and an excused
+    estimate is A - D, if that is positive. If nothing is ignored or excused, the result is
+    `problem` itself.
+
+    The result is not a metric: a truth whose states are all ignored has the distance 0 from the
+    empty set.
 
     Parameters
     ----------
@@ -396,8 +421,8 @@ def _repriced(
 ) -> Problem:
     """Return the problem with other prices and costs, without pairs that no longer gain.
 
-    Pairs that gain less than rounding are left out too: within `error`, the relative error of the
-    products, they cost as much as leaving both unassigned.
+    Pairs whose gain is lost by rounding are left out, too. Assigning them costs as much as leaving
+    both unassigned, up to `error`, the relative error that the new prices and costs add.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)

@@ -1,7 +1,9 @@
-"""Upper bounds of the values of the best paths of rows at given prices.
+"""Upper bounds of the value of each row's best path, at given prices.
 
-Every operation that rounds is followed by a step outward, so that all bounds hold in real numbers
-(docs/theory/certificate.md, "Rounding").
+After every operation that rounds, the result is moved to the next double in the safe direction. So
+all bounds are valid in exact arithmetic (docs/theory/certificate.md, "Rounding"). The letters are
+those of docs/theory/notation.md, and sizes of arrays, such as (S,), those of `problem.states`. G is
+the number of `row_steps`.
 """
 
 import itertools
@@ -14,24 +16,25 @@ from tgospa_eval.problem.problem import sum_parts
 from tgospa_eval.problem.states import Slots, States
 
 SUMMANDS = 1024
-"""Number of terms of a sum whose rounding is bounded together."""
+"""Number of values in a chunk of a long sum (see `lower_sums`)."""
 
 
 def up(value: Floats) -> Floats:
-    """Step to the next larger doubles, in place: upper bounds of the results before rounding."""
+    """Replace results by the next larger doubles, in place: upper bounds of the exact results."""
     return np.nextafter(value, np.inf, out=value)
 
 
 def down(value: Floats) -> Floats:
-    """Step to the next smaller doubles, in place: lower bounds of the results before rounding."""
+    """Replace results by the next smaller doubles, in place: lower bounds of the exact results."""
     return np.nextafter(value, -np.inf, out=value)
 
 
 def lower_sums(value: Floats, first: Ints) -> Floats:
-    """Return lower bounds of the sums of parts of values >= 0; part i begins at first[i].
+    """Return a lower bound of the sum of each part of the values >= 0; part i begins at first[i].
 
-    ``|computed - sum| <= (n - 1) 2^-53 sum`` for n terms >= 0, in any order. Long parts are summed
-    in chunks, and then the sums of the chunks, so that n is small.
+    A computed sum of n terms >= 0 is off by at most (n - 1) 2^-53 times the sum, in any order of
+    the terms. Long parts are summed in chunks, and then the sums of the chunks are added, so that n
+    is small.
     """
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
@@ -51,22 +54,25 @@ Gains = tuple[Floats, Floats, Ints]
 
 
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
-    """Return gains of states minus their prices (S,), relative to the best pair of row and step.
+    """Return the gain minus price of each state, relative to the best pair of its row and step.
 
-    These are ``(G - v) - r`` with ``r = max((A + B - D - v)_best, 0)``. They are computed as
-    ``(D_best - D) + (v_best - v)`` and differences of A and B, which keep the digits that sums of
-    gains near 1 lose. Every path of a row is lowered by the same sum (docs/theory/certificate.md,
-    "The bounds that are computed"). `steps` come from `row_steps`. The prices of states with a gain
-    must be exact, and the prices of runs lower bounds.
+    The best pair of a row at a step has the largest gain minus price, G - v. Let r be this value,
+    or 0 if it is negative or if there is no pair: the *offset* of the step. The result is
+    ``(G - v) - r``. It is computed as ``(D_best - D) + (v_best - v)``, plus differences of A and B.
+    These differences keep digits that gains near 1 lose. The value of every path of a row decreases
+    by the same sum of offsets (docs/theory/certificate.md, "The bounds that are computed").
+
+    `steps` come from `row_steps`. `price` (S,) must have exact prices of states with a gain, and
+    lower bounds of the prices of runs without gain.
 
     Returns
     -------
     relative : (S,) float array
-        Upper bounds of the gains minus the prices and the offsets of their steps.
+        Upper bound of the gain minus price of each state, minus the offsets of its steps.
     offset : (G,) float array
-        Lower bounds of gain minus price of the best pair of each row and step; 0 if it has no pair.
+        Lower bound of the offset of each row and step.
     best : (G,) int array
-        State of the best pair of each row and step; -1 if it has no pair.
+        State of the best pair of each row and step; -1 if no pair has a positive gain minus price.
     """
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
@@ -97,7 +103,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 
 
 def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
-    """Compute `relative_gains` without kernels; those of runs remain to be filled in."""
+    """Compute `relative_gains` without kernels, except the elements of runs without gain."""
     problem, entry = states.problem, states.entry
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
@@ -118,7 +124,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
     best[at[is_best]] = is_best
     with np.errstate(invalid="ignore"):
         relative = up(up(cost[best][at] - cost) + up(price[best][at] - price))
-        for side in sides:  # pairs differ in their costs of being unassigned
+        for side in sides:  # only if the prices A or B differ between rows
             relative = up(relative + up(side - side[best][at]))
         offset = np.broadcast_to(base, len(entry))[best]
         offset = down(down(down(offset) - cost[best]) - price[best])
@@ -130,7 +136,10 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
 
 
 def row_steps(states: States) -> Slots:
-    """Return the slots of all rows, also of rows with one pair: the steps where states begin."""
+    """Return slots of all rows, including rows with one pair.
+
+    A row has a slot for each step at which one of its states begins.
+    """
     rows, size = states.rows, np.diff(states.pair_first)
     single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
     if not single.any():
@@ -151,9 +160,9 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    Turn k has the states that begin at the k-th step of their row, where only steps are counted at
-    which a state of the row begins. The earlier states of their pairs end there. At the first turn
-    the window begins.
+    A row has a turn for each step at which one of its states begins. Turn k has the states that
+    begin at the k-th of these steps of their row. The earlier states of the same pairs end before
+    this step. The first turn is the first step of the window.
 
     Parameters
     ----------
@@ -165,11 +174,11 @@ def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, 
     Returns
     -------
     bounds : list of int
-        First place of each turn in the order, and the end.
+        Index in `order` at which each turn begins, and the end of the last turn.
     order : (S,) int array
         The states, turn by turn.
     pair, row : (S,) int arrays
-        Pair and row of each state in the order.
+        Pair and row of each state in `order`.
     """
     steps = steps or row_steps(states)
     size = np.diff(states.pair_first)
@@ -179,7 +188,7 @@ def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, 
 
 
 def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
-    """Return the order by (rank, place), the first place of each rank 0, 1, 2, ..., and the end."""
+    """Return the stable order by rank, the first place of each rank in it, and the end."""
     count = int(rank.max(initial=-1)) + 1
     if count <= 1 << 16:
         rank = rank.astype(np.uint16)  # NumPy sorts 16 bits by radix
@@ -190,12 +199,17 @@ def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
 def best_values(
     states: States, value: Floats, steps: Slots | None = None, offsets: Floats | None = None
 ) -> Floats:
-    """Return an upper bound of the best path's value of each row, (nodes,), by Viterbi.
+    """Return an upper bound of the value of each row's best path, (nodes,), by Viterbi.
 
-    ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
-    + value_s`` for the states s that begin, and ``h = h - r``. Here h is the value at "none", and r
-    the offset of each of the `steps`, which come from `row_steps` (docs/theory/certificate.md, "The
-    bounds that are computed").
+    Let h be the best value of paths that are now at "none", and F_s of those in state s. At first,
+    all are 0. At each of the `steps`, which come from `row_steps`:
+
+    1. ``h = max(h, F_t - lambda)`` for each state t that ends.
+    2. ``F_s = max(F_t, h - lambda) + value_s`` for each state s that begins after t in its pair.
+    3. ``h = h - r``, with the offset r of the step.
+
+    The result is the largest of h and all F at the end (docs/theory/certificate.md, "The bounds
+    that are computed").
     """
     steps = steps or row_steps(states)
     if kernels:
@@ -224,10 +238,10 @@ def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | 
     offsets = np.zeros(len(at)) if offsets is None else offsets[at]
 
     unassigned_value = np.zeros(states.nodes)
-    current = np.zeros(len(states.pair_row))  # at the first turn: entering the window is free
+    current = np.zeros(len(states.pair_row))  # 0: at the first step of the window, entering is free
     price: Floats = np.asarray(states.problem.switch_price)
     varies, switch_price = price.ndim > 0, states.problem.switch_price_at
-    next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call
+    next_double, top = np.nextafter, np.array(np.inf)  # for `up` without a call of a function
     for (low, high), (first, last) in zip(
         itertools.pairwise(bounds), itertools.pairwise(lost), strict=True
     ):

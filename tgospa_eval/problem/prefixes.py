@@ -1,7 +1,8 @@
 """Bounds of the costs of the steps 1..k, for every k, from a solution of the whole, in one pass.
 
 For the steps 1..k, the assignment up to k is feasible and the prices up to k give a lower bound
-(docs/theory/solvers.md, "The curve").
+(docs/theory/solvers.md, "The curve"). Sizes of arrays, such as (S,), are explained in
+`problem.states`.
 """
 
 import itertools
@@ -29,9 +30,10 @@ def offsets(states: States) -> Offsets:
     entry : (G,) int array
         The cheapest entry.
     loss : (G,) float array
-        Offset: a lower bound of the gain of the cheapest entry, subtracted from runs and "none".
+        The offset: a lower bound of the gain of the cheapest entry. It is subtracted from the value
+        of all paths of the row.
     relative : (S,) float array
-        Upper bound of the gain of each state minus its offset; 0 for runs.
+        Upper bound of the gain of each state minus its offset; 0 for runs without gain.
     """
     problem, pair = states.problem, states.pair
     gaining = np.flatnonzero(states.entry >= 0)
@@ -62,8 +64,9 @@ def offsets(states: States) -> Offsets:
 class RowMoves:
     """Events of rows in order of time: states begin, prices are paid, offsets are lost.
 
-    Rows and pairs are those of the states given to `RowMoves.of`, numbered in order. Times are
-    integers from 0 on.
+    Rows and pairs are those of the states given to `RowMoves.of`, numbered in the same order. Times
+    are the integers from 0 on. Each kind of event has arrays with an element for each event, sorted
+    by time, and an array (times + 1,) with the index of the first event of each time, and the end.
 
     Parameters
     ----------
@@ -74,14 +77,18 @@ class RowMoves:
     row : (P,) int array
         Row of each pair.
     begins : (times + 1,) int array
-        First place of each time in the four arrays of the states that begin, and the end.
+        First state that begins at each time, and the end.
     begin_pair, gains, relative, switch_price : arrays
-        For each state that begins: its pair, whether it has a gain, its relative gain, and the
-        price of entering or leaving it there.
-    charges, charge_pair, charge : arrays
-        Prices that pairs pay: first place of each time, pair and amount of each price.
-    losses, loss_row, loss : arrays
-        Offsets that rows lose: first place of each time, row and amount of each offset.
+        For each state that begins: its pair, whether it has a gain, its gain minus the offset, and
+        the price of entering it, or of leaving the state before it in the pair.
+    charges : (times + 1,) int array
+        First payment of each time, and the end.
+    charge_pair, charge : arrays
+        Pair and amount of each payment of a price.
+    losses : (times + 1,) int array
+        First loss of each time, and the end.
+    loss_row, loss : arrays
+        Row and amount of each loss of an offset.
     """
 
     rows: Ints
@@ -105,7 +112,8 @@ class RowMoves:
     ) -> "RowMoves":
         """Return the events of all states at prices (K,).
 
-        Times are steps, less `since` (T,) if it is given; events before time 0 are left out.
+        The time of a step is its index, minus its element of `since` (T,) if that is given. Events
+        before time 0 are left out.
         """
         offset_step, offset_row, _, loss, relative = offsets
         steps = states.problem.steps
@@ -160,9 +168,11 @@ class RowMoves:
 def forward(
     moves: RowMoves, unassigned: Floats, reached: Floats, rest: Floats | None = None
 ) -> Iterator[Floats]:
-    """Yield an upper bound of each row's best value (R,) after each time; arguments are updated.
+    """Yield an upper bound of the value of each row's best path, (R,), after each time.
 
-    A path may leave a run without gain only where the next state of the pair begins.
+    Offsets are subtracted from the values of all paths. A path may leave a run without gain only
+    where the next state of the pair begins. The arrays `unassigned`, `reached` and `rest` are
+    updated in place.
 
     Parameters
     ----------
@@ -171,7 +181,7 @@ def forward(
     unassigned, reached : (R,), (P,) float arrays
         Best values before the first time: of each row at "none", and of each pair.
     rest : (R,) float array, optional
-        Best value of each row in states without events.
+        Best value of each row in states that have no events.
     """
     for time in range(moves.times):
         own = slice(moves.begins[time], moves.begins[time + 1])
@@ -195,7 +205,7 @@ def forward(
                 np.copyto(rest, up(rest - lose), where=lose > 0)
         if len(at):
             reached[at] = up(reached[at] + moves.relative[own])
-        if paid.stop > paid.start:  # each pair pays at most once here: one of its slots begins
+        if paid.stop > paid.start:  # at a time, a pair begins at most one slot and pays once
             charging = moves.charge_pair[paid]
             reached[charging] = up(reached[charging] - moves.charge[paid])
         best = np.maximum(unassigned, np.maximum.reduceat(reached, moves.first))
@@ -204,7 +214,7 @@ def forward(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """Cells, one for each block and each step of its window; arrays over cells are (C,).
+    """Numbering of cells. A cell is a step in the window of a block; arrays over cells are (C,).
 
     Parameters
     ----------
@@ -227,7 +237,7 @@ class Cells:
         )
 
     def of(self, block: Ints, step: Ints) -> Ints:
-        """Return the cells of blocks at steps."""
+        """Return the cell of each block at its step."""
         return self.first[block] + (step - self.begin[block])
 
     @property
@@ -242,11 +252,14 @@ class Cells:
         return step
 
     def sums(self, block: Ints, step: Ints, value: Floats) -> Floats:
-        """Return for each cell the sum of the values of its block up to its step."""
+        """Return, for each cell, the sum of the values of its block up to its step.
+
+        Each value belongs to one element of `block` and of `step`.
+        """
         return self.running(sum_by(self.of(block, step), value, int(self.first[-1])))
 
     def running(self, value: Floats) -> Floats:
-        """Return running sums in each block.
+        """Return the running sums of values (C,) in each block.
 
         For values >= 0 the relative error of a sum, in units of rounding, is at most its number of
         terms. Larger sums of other blocks do not affect it.
@@ -257,10 +270,10 @@ class Cells:
         return total
 
     def totals(self, value: Floats, steps: int) -> tuple[Floats, Floats]:
-        """Return the sums over the blocks at each step, and bounds of their errors, (T,), (T,).
+        """Return the sum over all blocks at each step (T,), and bounds of the rounding errors (T,).
 
-        Blocks that have ended keep their last value. Values must be >= 0, as parts of a cost are,
-        and may fall from step to step. Computed sums are at least 0.
+        After its window, a block keeps its last value. Values (C,) must be >= 0, but may decrease
+        from step to step. Computed sums are at least 0.
         """
         rise = np.diff(value, prepend=0.0)
         rise[self.first[:-1]] = value[self.first[:-1]]
@@ -271,12 +284,16 @@ class Cells:
 
 
 def _busiest(states: States) -> int:
-    """Return the largest number of states that begin at one step, which bounds its terms."""
+    """Return the largest number of states that begin at one step."""
     return int(np.bincount(states.begin, minlength=1).max())
 
 
 def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, Floats]:
-    """Return the cost of the assignment up to each step, by kind, (4, C), and its error."""
+    """Return the cost of the assignment up to each step, by kind, (4, C), and its error, (C,).
+
+    The kinds are localisation, missed, false and switch. The error is a bound of the rounding error
+    of their sum.
+    """
     problem, pair = states.problem, states.pair
     block = states.pair_block[pair]
     gains = np.flatnonzero(states.entry >= 0)
@@ -297,32 +314,31 @@ def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, F
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrefixBounds:
-    """Costs and bounds of the prefixes of each block, in units of c^p; arrays are (C,).
+    """Costs and bounds of the prefixes of each block, in units of c^p.
 
-    Only objects with a near pair are counted.
-
-    ``L = unassigned - offsets - sum of the best values of the rows - paid``, the bound of
-    `problem.certificate` for the steps of each block up to each step.
+    A prefix of a block is its window up to a step, so each cell has one. Only states with a near
+    pair are counted. The lower bound of a prefix is the bound of `problem.certificate` for its
+    steps: `total` minus the sum of the best values of the rows, minus `paid`.
 
     Parameters
     ----------
     cells : Cells
         Blocks and steps.
     parts : (4, C) float array
-        Localisation, missed, false and switch cost of the assignment up to the step.
+        Localisation, missed, false and switch cost of the assignment in the prefix.
     error : (C,) float array
         Bound of the rounding error of the sum of the parts.
     moves : RowMoves
         Events of the rows at the prices.
     total : (C,) float array
-        Unassigned prices of all objects except those in cheapest pairs, plus the costs of the
-        cheapest pairs.
+        Costs of the cheapest pair of each row and step, plus the prices of leaving all other
+        objects unassigned.
     size : (C,) float array
         Sum of the absolute values of the terms of `total` that were added with rounding.
     paid : (C,) float array
-        Sums of the prices.
+        Sum of the prices of the column slots that begin in the prefix.
     terms : (C,) int array
-        Largest number of terms that were added.
+        Upper bound of the number of terms that were added.
     """
 
     cells: Cells
@@ -356,7 +372,8 @@ class PrefixBounds:
             total += of_objects - of_pairs
             if not exact:
                 size += of_objects + of_pairs
-        # Sums at a step have a term for each state that begins or each row; then running sums.
+        # At a step, sums have a term for each state that begins or for each row. Running sums then
+        # have a term for each step.
         rows = int(np.bincount(states.node_block).max(initial=0))
         return cls(
             cells=cells,
@@ -402,7 +419,7 @@ class PrefixBounds:
 
 
 def whole_prices(problem: Problem) -> bool:
-    """Return whether sums of unassigned prices are exact because these are multiples of 1/2."""
+    """Check that all unassigned prices are multiples of 1/2, so that their sums are exact."""
     return all(
         len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
         for side in problem.sides

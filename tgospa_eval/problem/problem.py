@@ -2,9 +2,10 @@
 
     max  sum_k <G(k), W(k)> - sum_k lambda(k) |W(k + 1) - W(k)|,   G = A + B - D,
 
-over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). All costs
-are divided by c^p: LP tolerances are absolute, so unscaled small units would give silently wrong
-values. `metric_family.tgospa_problem` makes a problem from distances, cutoff, order and penalty.
+over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). The letters
+are those of docs/theory/notation.md. All costs are divided by c^p. The reason is that LP tolerances
+are absolute: without scaling, data in small units would give silently wrong values.
+`metric_family.tgospa_problem` makes a problem from distances, cutoff, order and penalty.
 """
 
 import math
@@ -18,7 +19,7 @@ from tgospa_eval.errors import ConfigError
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
-    """Return the sum of the values of each index, (size,), added in the order of the values."""
+    """Return the sum of the values with each index from 0 to size - 1, added in given order."""
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
@@ -33,7 +34,11 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """True objects or estimates: fields of `Problem` without ``truth_`` or ``estimate_``."""
+    """The true objects or the estimates of a problem.
+
+    Fields are those of `Problem` without ``truth_`` or ``estimate_``. `count` is the number of
+    objects, and `unjudged` the mask of rows that are ignored or excused, if any.
+    """
 
     count: int
     step: Ints
@@ -52,10 +57,10 @@ class Objects:
 class Problem:
     """Prices A and B, costs D and switch prices lambda of a linear programme, in units of c^p.
 
-    A solver needs only these numbers, whichever member of the metric family they are of. Truth and
-    estimate (the two sides) are flat tables. A table has a row for each object at each step at
-    which it exists, sorted by (step, track). An entry is a pair of rows of one step that gains
-    something if it is assigned. Assigning any other pair gains nothing.
+    A solver needs only these numbers, for the metric and for all its variants. Truth and estimate
+    (the two sides) are flat tables. A table has a row for each object at each step at which it
+    exists, sorted by (step, track). An entry is a pair of rows of one step that gains something if
+    it is assigned. Assigning any other pair gains nothing.
 
     Parameters
     ----------
@@ -72,11 +77,12 @@ class Problem:
     switch_price : float or (T - 1,) float array
         Price of half a switch: one number, or one for each pair of neighbouring steps.
     cost_error : float
-        Largest relative error of the costs and switch prices; bounds are widened by it.
+        Largest relative error of the costs and switch prices. Bounds are widened by it.
     cost_slack : float
-        Upper bound of the amount by which the sum of the costs of an assignment is too large.
+        Largest amount by which the sum of the costs of an assignment can be too large, because tiny
+        costs were raised to a smallest cost.
     rounding : float
-        If the optimum is below this, rounding of the last digits of the states could cause it.
+        An optimum up to this value can be caused by rounding of the last digits of the states.
     distance_power : (N,) float array, optional
         (d / c)^p of each entry, if its cost is not (A + B) (d / c)^p: see `weight_existence` and
         `ignore_states`.
@@ -86,9 +92,10 @@ class Problem:
         Factor of (d / c)^p in the cost of each entry, from `ignore_states`; 0 for an ignored
         object. By default A + B, or 2 min(A, B) with probabilities of existence.
     at_cutoff : int
-        Number of pairs with an ignored object for which rounding decides whether they gain.
+        Number of pairs with an ignored object for which rounding of the distance decides whether
+        they gain.
     signed : bool
-        Whether gains may be negative. Such a problem is for solvers, not for the certificate.
+        Whether gains are allowed to be negative. The certificate does not support such a problem.
     """
 
     steps: int
@@ -169,7 +176,7 @@ class Problem:
 
     @cached_property
     def object_prices(self) -> tuple[float, float] | None:
-        """A and B, if each is the same for all rows and A + B is exact in doubles; else None."""
+        """A and B, if each has one value for all rows and A + B is exact in doubles; else None."""
         for price in (self.truth_price, self.estimate_price):
             if not len(price) or (price.strides != (0,) and (price != price[0]).any()):
                 return None
@@ -205,7 +212,10 @@ class Problem:
         return self.distance_power[entry]
 
     def mismatch(self, entry: Ints | slice) -> Floats | float:
-        """Return the cost of entries for unequal probabilities of existence: |A - B|, or 0."""
+        """Return the part |A - B| of the cost of entries: that of unequal existence probabilities.
+
+        It is 0 if no probabilities of existence are used.
+        """
         if self.distance_power is None or self.unjudged is not None:
             return 0.0
         return np.abs(np.subtract(*self._prices(entry)))
@@ -217,7 +227,7 @@ class Problem:
 
     @property
     def gain(self) -> Floats:
-        """Gain of assigning each pair, A + B - cost, (N,); small costs lose digits."""
+        """Gain of assigning each pair, A + B - cost, (N,). Digits of small costs are lost."""
         return self.gains(slice(None))
 
     def gains(self, entry: Ints | slice) -> Floats:
@@ -226,7 +236,7 @@ class Problem:
 
     @cached_property
     def switch_price_at(self) -> Floats:
-        """Price of half a switch into each step, (T + 1,); 0 into the first and after the last."""
+        """Price of half a switch into each step, (T + 1,); 0 for the first and after the last."""
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price
         price.flags.writeable = False

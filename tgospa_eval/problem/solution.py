@@ -1,4 +1,7 @@
-"""Proposals of solvers, proven bounds, and an assignment as records of numbers."""
+"""Proposals of solvers, proven bounds, and tables that describe an assignment.
+
+Sizes of arrays, such as (S,), are explained in `problem.states`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import field
@@ -25,7 +28,7 @@ class Solution:
     prices : (K,) float array
         Price of each column slot.
     status : Status
-        Reason for which the solver stopped, for the user.
+        Reason why the solver stopped, which is shown to the user.
     detail : str
         Details of the status.
     unsolved : pair of int, optional
@@ -35,13 +38,13 @@ class Solution:
     finished : bool
         False if a limit or a failure stopped the solver early.
     history : tuple of dict
-        Convergence, one record per check.
+        Course of the convergence: numbers from each check of the solver.
     disposable : bool
-        Whether the receiver of the solution may overwrite its weights.
+        Whether the receiver of the solution is allowed to overwrite its weights.
     missing : (B,) bool array
-        Blocks that are not known to be solved.
+        Mask of the blocks that are not known to be solved.
     reduced : tuple of Reduced
-        Blocks for which prices at a smaller cutoff prove more.
+        Solutions of some blocks at a smaller cutoff, whose prices prove better bounds.
     """
 
     weights: Floats
@@ -72,11 +75,11 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `problem.certificate`.
+        The problem of these blocks at the smaller cutoff, from `certificate.reduce_cutoff`.
     blocks : (B,) bool array
         Mask of these blocks in the whole problem.
     scale : float
-        Ratio of c^p at the smaller cutoff to that of the whole problem; a power of 2.
+        The value of c^p at the smaller cutoff, divided by c^p of the whole problem; a power of 2.
     solution : Solution
         Solution of `states`.
     """
@@ -96,7 +99,7 @@ class Bounds(Interval):
     lower, upper : float
         The two bounds; `upper` is the cost of a feasible assignment.
     rounding : float
-        If `upper` is below this, rounding of the last digits of the states could cause it.
+        An `upper` up to this value can be caused by rounding of the last digits of the states.
     """
 
     rounding: float = 0.0
@@ -107,11 +110,11 @@ class Bounds(Interval):
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
     def within_rounding(self, gap: float) -> bool:
-        """Return whether the gap exceeds `gap`, but rounding could cause the whole cost."""
+        """Return True if the relative gap exceeds `gap`, but rounding can cause the whole cost."""
         return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
-        """Return whether the relative gap is at most `gap`, or rounding could cause the cost."""
+        """Return True if the relative gap is at most `gap`, or rounding can cause the cost."""
         return self.upper - self.lower <= gap * self.upper or self.upper <= self.rounding
 
 
@@ -124,9 +127,10 @@ class Breakdown:
     localisation, missed, false, switch : (T,) float arrays
         Cost at each step; a switch between two steps is booked at the later one.
     missed_count, false_count, switch_count : (T,) float arrays
-        Unassigned existing objects, and half the total variation of the assignment.
+        Numbers of missed targets, of false targets and of switches at each step. The number of
+        switches is half the total variation of the weights.
     total : float
-        The whole cost, summed from its terms instead of the costs of steps.
+        The whole cost. It is summed from single terms, not from the costs of steps.
     """
 
     localisation: Floats
@@ -150,7 +154,7 @@ class Brackets:
     parts : (4, N) float array
         Localisation, missed, false and switch cost of the assignment with the cost `upper`.
     rounding : (N,) float array
-        Limits of rounding, as in `Bounds`.
+        The value of `Bounds.rounding` for each interval.
     """
 
     lower: Floats
@@ -159,7 +163,7 @@ class Brackets:
     rounding: Floats
 
     def met(self, gap: float) -> Mask:
-        """Return whether each interval is solved, (N,), as `Bounds.met`."""
+        """Return `Bounds.met` for each interval, (N,)."""
         narrow = self.upper - self.lower <= gap * self.upper
         met: Mask = narrow | (self.upper <= self.rounding)
         return met
@@ -172,10 +176,10 @@ class Windows(Brackets):
     Parameters
     ----------
     first, last : (N,) int arrays
-        The first and the last of the T steps that are in each window.
+        First and last step of each window.
     size, every : str
-        Length of a window, and distance to the next window, in words; empty until known.
-        The last window may be nearer to the one before.
+        Length of a window, and distance from one window to the next, in words; empty until known.
+        The distance of the last two windows can be smaller.
     """
 
     first: Ints
@@ -186,14 +190,15 @@ class Windows(Brackets):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssignedPairs:
-    """Assigned pairs of existing objects nearer than the cutoff, sorted by (step, truth).
+    """Assigned near pairs, sorted by (step, truth).
 
     Parameters
     ----------
     step, truth, estimate, entry : (N,) int arrays
-        Step, true object, estimate and entry of the problem.
+        Indices of the step, the true object and the estimate of each pair, and of its entry in the
+        problem.
     weight : (N,) float array
-        Weight of the assignment.
+        Weight of each pair.
     """
 
     step: Ints
@@ -204,14 +209,14 @@ class AssignedPairs:
 
     @classmethod
     def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
-        """Build the pairs from rows with these columns; the entry of each is its row number."""
+        """Build the pairs from an array with these fields; `entry` becomes the row number."""
         columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
         return cls(**columns, entry=np.arange(len(rows)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unjudged:
-    """States that are not evaluated, by step (T,).
+    """Numbers of states that are not evaluated, at each step: arrays (T,).
 
     Parameters
     ----------
@@ -227,7 +232,7 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Add up several evaluations of the same steps; None if `several` is empty."""
+        """Add up the numbers of evaluations of the same steps; None if `several` is empty."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
@@ -243,7 +248,10 @@ class Unjudged:
 
 
 def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
-    """Return the states that a feasible assignment (S,) does not count; None without a mask."""
+    """Return the numbers of states that are not evaluated, from a feasible assignment (S,).
+
+    The result is None if the problem has no masks of ignored objects and excused estimates.
+    """
     problem = states.problem
     if problem.unjudged is None:
         return None
@@ -264,8 +272,13 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
 def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
     """Return masks of the truth rows and estimate rows that other metrics count.
 
-    Other metrics do not count ignored objects, nor estimates that mostly follow an ignored object
-    in the feasible assignment (S,), nor excused estimates that do not mostly follow another object.
+    Other metrics do not count these rows:
+
+    - ignored objects;
+    - estimates that follow an ignored object with a weight of at least 1/2;
+    - excused estimates that do not follow an evaluated object with a weight of at least 1/2.
+
+    `weights` is the feasible assignment (S,), in units of 1/ONE.
     """
     problem = states.problem
     truths, estimates = problem.sides
@@ -281,7 +294,7 @@ def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
 
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:
-    """Return the pairs of a feasible assignment (S,), in units of 1/ONE."""
+    """Return the assigned near pairs of a feasible assignment (S,), in units of 1/ONE."""
     used, entry, weight = assigned(states, weights)
     order = np.argsort(entry, kind="stable")  # by step, truth, estimate
     used, pair = used[order], states.pair[used[order]]
@@ -327,7 +340,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
     first = np.flatnonzero(opens)
 
     def largest(chosen: Mask) -> Ints:
-        """Return for each group the estimate of its first chosen change."""
+        """Return, for each (step, truth), the estimate of its largest chosen change, else -1."""
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
         estimates: Ints = track[np.minimum.reduceat(place, first)]
@@ -344,15 +357,15 @@ def read_switches(states: States, weights: Ints) -> Switches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerTrack:
-    """Contribution of each of k true objects, or of k estimates, in units of c^p.
+    """Costs and counts of each of k true objects, or of k estimates.
 
     Parameters
     ----------
     localisation, unassigned, switch : (k,) float arrays
-        Cost of its errors, cost of the steps at which it is missed or false, and cost of its
-        switches.
+        Costs of the object in units of c^p: of its localisation errors, of the steps at which it is
+        missed or false, and of its switches.
     unassigned_count, switch_count : (k,) float arrays
-        Number of steps at which it is missed or false, and number of its switches.
+        Number of steps at which the object is missed or false, and number of its switches.
     """
 
     localisation: Floats
@@ -363,7 +376,10 @@ class PerTrack:
 
 
 def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
-    """Return contributions in a feasible assignment (S,); side 0 is the truth, 1 the estimate."""
+    """Return costs and counts of the true objects (side 0) or of the estimates (side 1).
+
+    `weights` is a feasible assignment (S,), in units of 1/ONE.
+    """
     problem = states.problem
     objects, pair_track = problem.sides[side], states.pair_tracks[side]
     used, entry, weight = assigned(states, weights)

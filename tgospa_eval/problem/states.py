@@ -2,13 +2,16 @@
 
 A *state* is a pair of trajectories over an interval of steps on which its assignment can be assumed
 constant: one step with a gain, or a maximal run of steps without a gain (docs/theory/reductions.md,
-"Run merging"). The number of states grows with that of gains, not with pairs x steps. Blocks
-(connected components of the pair graph, each in its own window of time) share nothing and are
-contiguous in every array.
+"Run merging"). So the number of states grows with the number of gains, not with that of all steps
+of all pairs. A *block* is a connected component of the graph of pairs, in its own window of time.
+Blocks have no trajectory in common, and each is contiguous in every array.
 
-A *slot* is an interval of steps of a trajectory on which the competing states do not change; the
+A *slot* is an interval of steps of a trajectory on which the competing states do not change. The
 weights of these states sum to at most 1. Weights are integers, so that this is checked exactly.
-`merge_runs` makes the states of a problem: pairs, components, windows, runs, slots.
+`merge_runs` makes the states of a problem.
+
+Sizes of arrays are written with these letters: S states, P pairs, K slots, B blocks, T steps, and R
+rows of the truth or of the estimate. Other letters are those of docs/theory/notation.md.
 """
 
 import itertools
@@ -27,7 +30,7 @@ from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import Objects, Problem, sum_parts
 
 PART = 1 << 19
-"""Number of states in a part, if arrays as long as all states would need too much memory."""
+"""Approximate number of states that are processed at once, so that temporary arrays are small."""
 
 CROWD, FULL_SUM = 4000, 1 << 61
 """Sums of up to CROWD pairs of a node fit into 64 bits, because weights are below 2^50. For nodes
@@ -37,10 +40,11 @@ with more pairs, sums above FULL_SUM are replaced by FULL_SUM."""
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
     """Return a unit for each part of the values, and running sums of value / unit, (K + 1,).
 
-    Part i begins at first[i]. Its unit is 2^(e - 62), where 2^e > sum |value|. The K values are
-    rounded to integers in these units. Differences of the integer sums are exact, even if the sum
-    over all parts overflows, and a small sum keeps its digits next to large values of other parts.
-    With `floor`, rounding never makes a value larger (docs/theory/certificate.md, "Rounding").
+    Part i begins at first[i]. Its unit is 2^(e - 62), where 2^e is larger than the sum of |value|
+    in the part. Each of the K values is rounded to an integer number of units. Differences of the
+    integer sums are exact, even if the sum over all parts overflows. A part of small values keeps
+    its digits next to parts of large values. With `floor`, rounding never makes a value larger
+    (docs/theory/certificate.md, "Rounding").
     """
     size = sum_parts(np.abs(value), first)
     unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
@@ -53,7 +57,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
-    """Return whether each state has another weight than the state of its pair before it."""
+    """Return a mask of the states whose weight differs from the state before in the same pair."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
     differs[pair_first[:-1]] = False
@@ -62,10 +66,11 @@ def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Slots:
-    """The capacity constraints on one side, rows or columns.
+    """Slots of the rows or of the columns: in each slot, weights sum to at most 1.
 
-    Nodes with one pair have no slots, because the constraint of the other side implies theirs. A
-    state covers the slots from its first one to the last before the next state of its pair.
+    A node with one pair has no slots: its constraint would only say that each weight is at most 1.
+    A state covers the slots from its first slot until before the first slot of the next state of
+    its pair.
 
     Parameters
     ----------
@@ -92,14 +97,17 @@ class Slots:
 
     @property
     def end(self) -> Ints:
-        """The slot after the last slot of each state, (S,)."""
+        """Slot after the last slot of each state, (S,)."""
         end = np.empty_like(self.begin)
         end[:-1] = self.begin[1:]
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Return whether each state, or each chosen state, covers a `marked` slot (K,)."""
+        """Return a mask of the states that cover a slot of the mask `marked` (K,).
+
+        With `chosen`, the mask has only elements for these states.
+        """
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
         begin, end = self.begin, self.end
@@ -109,7 +117,7 @@ class Slots:
         return touching
 
     def sums(self, weight: Ints) -> Ints:
-        """Return the exact sum of the integer weights (S,) of the states over each slot, (K,).
+        """Return the exact sum of the integer weights (S,) of the states in each slot, (K,).
 
         Weights are >= 0. If a node has so many pairs that integers could overflow, sums above
         FULL_SUM are replaced by FULL_SUM.
@@ -129,7 +137,10 @@ class Slots:
         return self._accumulate(weight)
 
     def loads(self, weight: Floats | Mask) -> Floats:
-        """Return sums as `sums` for weights that are not integers; for a mask, counts of states."""
+        """Return the sum of the weights of the states in each slot, (K,), in floating point.
+
+        If `weight` is a mask of states, this is the number of its states in each slot.
+        """
         weight = weight.astype(np.float64, copy=False)
         if kernels:
             sums: Floats = kernels.slot_loads(
@@ -147,7 +158,7 @@ class Slots:
         return np.cumsum(total, out=total)[:-1]
 
     def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
-        """Return `exact_running` of prices (K,), node by node."""
+        """Return `exact_running` of prices (K,), where the slots of a node are a part."""
         return exact_running(price, self.first, floor=floor)
 
     def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
@@ -157,7 +168,7 @@ class Slots:
     def spans(
         self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
     ) -> Floats:
-        """Return `totals` from known running sums; with `floor`, no sum is rounded up."""
+        """Return `totals` from the result of `running`; with `floor`, no sum is rounded up."""
         unit, sums = running
         if kernels:
             total: Floats = kernels.spans(
@@ -173,7 +184,10 @@ class Slots:
 
 
 def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int) -> Slots:
-    """Return the slots of nodes that several pairs share; `pair_node` is the node of each pair."""
+    """Return the slots of all nodes that have several pairs.
+
+    `begin` is the first step of each state, and `pair_node` the node of each pair.
+    """
     shared = np.bincount(pair_node, minlength=nodes) > 1
     if kernels:
         first, step, slot = kernels.slots(
@@ -195,16 +209,16 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""Largest number of states of a problem that keeps the `rows` that `between` makes."""
+"""Up to this number of states, `States.between` of all blocks returns the object, not a copy."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
-    """All states of a problem, with the graph that joins them.
+    """All states of a problem, and the graph of its pairs.
 
-    Nodes are trajectories that have a pair, numbered block by block. One side of a block is its
-    rows (one path each), the other its columns (priced). Rows are the true objects, unless the
-    block has a single estimate and several true objects.
+    Nodes are trajectories that have a pair, numbered block by block. Each node is a row, which
+    follows one path, or a column, which has prices. Rows are the true objects, unless the block has
+    a single estimate and several true objects. Then the estimate is the row.
 
     Parameters
     ----------
@@ -215,17 +229,17 @@ class States:
     pair_first : (P + 1,) int array
         First state of each pair; its states follow in time.
     pair_truth, pair_estimate : (P,) int arrays
-        Number of the true object and of the estimate of each pair.
+        Index of the true object and of the estimate of each pair.
     begin : (S,) int array
         First step of each state.
     entry : (S,) int array
-        Entry of the problem that the gain comes from, -1 for a run without gain.
+        Entry of the problem that has the gain of the state; -1 for a run without gain.
     columns : Slots
-        Constraints of the columns; `rows` are made at their first use.
+        Slots of the columns. The slots of the `rows` are computed when they are first used.
     node_block : (nodes,) int array
         Block of each node.
     block_begin, block_end : (B,) int arrays
-        Window of each block, inclusive.
+        First and last step of the window of each block, inclusive.
     transposed : (B,) bool array
         True where the rows are estimates.
     """
@@ -270,7 +284,7 @@ class States:
 
     @property
     def block_first(self) -> Ints:
-        """First state of each block, and the end of the last, (B + 1,)."""
+        """First state of each block, and the end of the last block, (B + 1,)."""
         blocks = np.arange(len(self.block_begin) + 1)
         return self.pair_first[np.searchsorted(self.pair_block, blocks)]
 
@@ -279,7 +293,7 @@ class States:
         return np.searchsorted(self.pair_first, chosen, side="right") - 1
 
     def states_of(self, blocks: Mask) -> Mask:
-        """Return whether the block of each state is one of these, (S,)."""
+        """Return a mask of the states in these blocks, (S,)."""
         return np.repeat(blocks[self.pair_block], np.diff(self.pair_first))
 
     @property
@@ -288,12 +302,12 @@ class States:
         return self.pair_truth, self.pair_estimate
 
     def slots_of(self, blocks: Mask) -> Mask:
-        """Return whether the block of each column slot is one of these, (K,)."""
+        """Return a mask of the column slots in these blocks, (K,)."""
         return np.repeat(blocks[self.node_block], np.diff(self.columns.first))
 
     @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
-        """Block of each true object, and block of each estimate; -1 without a near pair."""
+        """Block of each true object, and of each estimate; -1 for those without a near pair."""
         sizes = self.problem.truths, self.problem.estimates
         blocks = np.full(sizes[0], -1, np.int64), np.full(sizes[1], -1, np.int64)
         for block, track in zip(blocks, self.pair_tracks, strict=True):
@@ -302,7 +316,7 @@ class States:
 
     @cached_property
     def rows(self) -> Slots:
-        """Constraints of the rows."""
+        """Slots of the rows."""
         return make_slots(
             self.begin, self.pair_first, self.pair_row, self.nodes, self.problem.steps
         )
@@ -321,9 +335,10 @@ class States:
         return gain
 
     def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
-        """Return all pairs of some rows as separate states, and the places of the states.
+        """Return some pairs as separate states, and the places of these states in this object.
 
-        Nodes, blocks and column slots keep their numbers. A slice of pairs copies little.
+        The pairs must be all pairs of some rows. Nodes, blocks and column slots keep their numbers.
+        Little is copied if `pairs` is a slice.
         """
         own: slice | Ints
         if isinstance(pairs, slice):
@@ -364,7 +379,9 @@ class States:
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
         """Return the blocks from `low` to before `high` as separate states; this copies little.
 
-        The result keeps its own `rows`. The whole does not keep them, unless it is small.
+        The result keeps its `rows` once they are computed. If the range has all blocks, the result
+        is a copy of this object, so that this object does not keep them. With at most SMALL states
+        it is this object itself.
 
         Returns
         -------
@@ -403,7 +420,7 @@ class States:
 
 
 def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
-    """Return the smallest node in the component of each node, in a graph with edges (a, b)."""
+    """Return, for each node, the smallest node of its component in the graph with edges (a, b)."""
     if kernels:
         first: Ints = kernels.components(
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
@@ -418,19 +435,24 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
 
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
-"""Integer that means the weight 1: multiples of 1/2 to 1/18 are exact. It is near 2^50, so that
-sums of some thousand weights fit into 64 bits, and each weight is a double
+"""Integer that means the weight 1. Multiples of 1/2, 1/3, ..., 1/18 are exact. It is near 2^50, so
+that sums of some thousand weights fit into 64 bits, and a double represents each weight exactly
 (docs/theory/certificate.md, "Repair")."""
 
 STATES_A_STEP = 32
-"""Least number of states per step in a part: with fewer, calls take longer than their work."""
+"""Smallest mean number of states per step in a part. With fewer states per step, the overhead of
+function calls exceeds the work in them."""
 
 SNAP_WHOLE = ONE * 1e-9
-"""Distance from 0 and 1 within which weights are set to 0 or 1."""
+"""Distance in units of 1/ONE: weights that are nearer to 0 or 1 are set to 0 or 1."""
 
 
 def repair(states: States, weights: Floats) -> Ints:
-    """Return a feasible assignment near to the weights: clipped, snapped to 0 and 1, and scaled."""
+    """Return a feasible assignment near the given weights (S,), in units of 1/ONE.
+
+    Weights are clipped to the range from 0 to 1, and set to 0 or 1 if they are very near. Then they
+    are scaled down in slots whose sum is too large.
+    """
     whole = np.empty(len(weights), np.int64)
     whole_weights(weights, whole)
     make_feasible(states, whole)
@@ -438,7 +460,11 @@ def repair(states: States, weights: Floats) -> Ints:
 
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
-    """Write weights in units of 1/ONE, clipped and snapped, to `whole`, which may share memory."""
+    """Write weights to `whole`, in units of 1/ONE.
+
+    They are clipped to the range from 0 to 1, and set to 0 or 1 if they are very near. `whole` and
+    `weights` are allowed to share their memory.
+    """
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
     fixed[fixed < SNAP_WHOLE] = 0
@@ -447,14 +473,17 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
 
 
 def make_feasible(states: States, weights: Ints) -> Ints:
-    """Scale weights in slots that are too full, in place; return their sums over column slots."""
+    """Scale down weights in slots with a sum above ONE, in place; return sums by column slot."""
     for part, own in row_parts(states):
         _fit(part.rows, weights[own])
     return _fit(states.columns, weights)
 
 
 def _fit(slots: Slots, weights: Ints) -> Ints:
-    """Scale the states of slots with a sum above ONE by that sum, in place; return the new sums."""
+    """Divide weights by the sum of their slot where it is above ONE, in place; return new sums.
+
+    The quotients are in units of 1/ONE. This is repeated until no sum is above ONE.
+    """
     sums = slots.sums(weights)
     while sums.max(initial=0) > ONE:
         _scale(slots, weights, sums)
@@ -463,7 +492,7 @@ def _fit(slots: Slots, weights: Ints) -> Ints:
 
 
 def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
-    full = np.zeros(len(sums) + 1, np.int32)  # how many of the earlier slots are too full
+    full = np.zeros(len(sums) + 1, np.int32)  # number of earlier slots with a sum above ONE
     np.cumsum(sums > ONE, out=full[1:])
     sums = np.append(sums, 0)
     begin, end = slots.begin, slots.end
@@ -477,10 +506,11 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
-    """Yield the states in parts of whole rows, about PART states each, and their places.
+    """Yield parts of the states, and the places of their states in `states`.
 
-    If prices are given, rows do not depend on each other. Nodes and column slots keep their
-    numbers. Parts of long recordings are larger, because a pass over a part needs a turn per step.
+    A part has all pairs of some rows, and about PART states. At given prices, rows do not depend on
+    each other, so parts can be processed one by one. Nodes and column slots keep their numbers.
+    Parts of long recordings are larger, because a pass over a part has some overhead for each step.
     """
     size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:
@@ -493,21 +523,25 @@ def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
 
 
 def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return the states with an assigned near pair, their entries, and their weights."""
+    """Return the states that have a gain and a positive weight, their entries and their weights."""
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     return used, states.entry[used], weights[used]
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
-    """Return states with another weight than the state before, and |difference| / ONE."""
+    """Return states whose weight differs from the state before in the same pair, and by how much.
+
+    The second array is |difference| / ONE.
+    """
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
 
 
 def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
-    """Return the unassigned weight of each row of a side, (R,), in units of 1/ONE.
+    """Return the unassigned weight of each row of the truth or of the estimate, (R,).
 
-    It is 0 for ignored and excused rows.
+    It is in units of 1/ONE. It is 0 for ignored and excused rows. `entry` has the assigned entries,
+    and `weight` their weights.
     """
     free = np.full(len(side.step), ONE)
     np.subtract.at(free, side.row[entry], weight)
@@ -519,17 +553,18 @@ def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
 def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
 
-    Pairs that never gain are left out, and components are separated. Steps before the first and
-    after the last gain of a component are left out. A run without gain is one state, also at the
-    ends of the window. With time-varying switch prices a run is one state per step.
+    Pairs that never gain are left out, and each component becomes a block. The window of a block
+    begins at its first gain and ends at its last gain; other steps are left out. A run without gain
+    is one state, also before the first and after the last gain of a pair. If switch prices differ
+    between steps, a run has one state for each step.
 
     Parameters
     ----------
     problem : Problem
         The problem to reduce.
     transpose : bool
-        Whether the row of a block with one estimate and several true objects is the estimate;
-        otherwise all rows are true objects.
+        If True, the estimate is the row in a block with one estimate and several true objects. If
+        False, all rows are true objects.
 
     Raises
     ------
@@ -552,7 +587,7 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
         *(graph[end][graph["pair_block"]] for end in ("block_begin", "block_end")),
         single=not isinstance(problem.switch_price, float),
     )
-    del pair_of, entry_step  # these are as long as the entries
+    del pair_of, entry_step  # frees memory: both are as long as the entries
     columns = make_slots(
         begin, pair_first, graph["pair_column"], len(graph["node_block"]), problem.steps
     )
@@ -609,7 +644,10 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
 
 
 def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Renumber nodes block by block, rows first; return the block of each, and the new pairs."""
+    """Renumber nodes block by block, rows before columns.
+
+    Return the block of each node, and the new row and column of each pair.
+    """
     row_ids, row_at, row_of = np.unique(row, return_index=True, return_inverse=True)
     col_ids, col_at, col_of = np.unique(column, return_index=True, return_inverse=True)
     node_block = np.concatenate((block[row_at], block[col_at]))
@@ -621,9 +659,12 @@ def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Int
 
 
 def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
-    """Return the first and last step with a gain of each block, (2, B); `block` is by entry."""
+    """Return the first and last step with a gain of each block, (2, B).
+
+    `block` and `step` are the block and step of each entry, in order of time.
+    """
     window = np.zeros((2, blocks), np.int32)
-    # Entries are in order of time, so the last value written to a place remains.
+    # NumPy keeps the last value written to a place: the last step, and in reverse the first.
     window[1][block] = step
     window[0][block[::-1]] = step[::-1]
     return window
@@ -632,10 +673,12 @@ def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
 def split_pairs(
     pair_of: Ints, step: Ints, first: Ints, last: Ints, *, single: bool
 ) -> tuple[Ints, Ints, Ints]:
-    """Return each pair's first state, and begin and entry of states, sorted by (pair, begin).
+    """Split pairs into states: return the first state of each pair, and two arrays (S,).
 
-    `pair_of` and `step` are the pair and step of each entry, in order of time; `first` and `last`
-    are the window of each pair. With `single` a run is one state for each step.
+    The two arrays are the first step and the entry of each state, sorted by (pair, first step).
+    `pair_of` and `step` are the pair and step of each entry, in order of time. `first` and `last`
+    are the first and last step of the window of each pair. With `single`, a run without gain has
+    one state for each step.
     """
     if kernels:
         split: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
@@ -645,7 +688,7 @@ def split_pairs(
     opens = np.ones(len(pair), bool)
     opens[1:] = pair[1:] != pair[:-1]
     closes = np.roll(opens, -1)
-    before = np.where(opens, first[pair], np.roll(step, 1) + 1)  # first step of the run before
+    before = np.where(opens, first[pair], np.roll(step, 1) + 1)  # begin of the run before a gain
     tail = np.flatnonzero(closes & (step < last[pair]))
     head = np.flatnonzero(before < step)
     run_pair = np.concatenate((pair[head], pair[tail]))
