@@ -776,7 +776,7 @@ def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entr
 
 def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] left,
                 const i32[::1] first):
-    """Return ``-sum (left v)`` of the slots of each node, rounded up, in two halves, (2, nodes).
+    """Return ``-sum (left v)`` of the slots of each node, rounded down, in two halves, (2, nodes).
 
     Prices are `unit` times the differences of `sums`; the halves prevent overflow.
     """

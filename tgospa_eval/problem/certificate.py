@@ -530,6 +530,8 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
     first, second = problem.object_prices or (0.0, 0.0)
     if first == second:
         forced = first * np.maximum(objects[0] + objects[1] - 2 * covered, 0)
+        if not float(2 * first).is_integer():  # the product may be rounded
+            forced = np.maximum(down(forced), 0.0)
     else:
         free = (np.maximum(of - covered, 0) for of in objects)
         forced = down(first * next(free)) + down(second * next(free))
