@@ -614,7 +614,7 @@ def test_a_pair_of_a_suite_without_limits_is_named(suite: Invoke, write: Write) 
     answer = suite()
     assert answer.status == 2
     assert (
-        "two: no baseline: give one with --baseline FILE; make one with --update-baseline"
+        "two: no baseline: give one with --baseline FILE; --update-baseline makes this file"
         in answer.err
     )
 

@@ -159,7 +159,7 @@ WRONG = (
     (("old", "gt/1.csv"), "gt/1.csv: is not a batch, but old is"),
     (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
-    (("old",), "no baseline: give one with --baseline FILE; make one with --update-baseline"),
+    (("old",), "no baseline: give one with --baseline FILE; --update-baseline makes this file"),
     (("old", "new", "--baseline", "b.json"), "name the baseline once"),
     (("old", "./old"), "./old: is given twice"),
     (("old", "--baseline", "old"), "old: is given twice"),

@@ -116,7 +116,7 @@ def rules_of(
         why = (
             f"{relative[0].text} needs one"
             if relative
-            else f"make one with {option('update_baseline')}; a fixed limit ({option('limits')}) "
+            else f"{option('update_baseline')} makes this file; a fixed limit ({option('limits')}) "
             "needs no baseline"
         )
         raise ConfigError(
