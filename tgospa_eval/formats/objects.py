@@ -61,7 +61,8 @@ TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike | Sequenc
 
 
 # -------------------------------------------------------------------------------------------------
-# Tracks and ground-truth paths of Stone Soup, which is not imported: attributes show what they are.
+# Tracks and ground-truth paths of Stone Soup. The package is not imported: a track is recognised by
+# its attributes.
 
 
 class TrackLike(Protocol):
@@ -95,11 +96,12 @@ def _rows_of_tracks(
     """Convert tracks and ground-truth paths of Stone Soup to rows.
 
     If a track has several states at one time, the last of these counts, as with
-    ``last_timestamp_generator`` of Stone Soup. So an update counts, and not its prediction.
+    ``last_timestamp_generator`` of Stone Soup. A tracker may store a predicted state and then the
+    state that a measurement corrected. Then the corrected state counts.
 
-    If covariances are not read, states are points. Otherwise ``covar`` is the covariance of a
-    state, and a state without it gets NaN. If ``state_vector`` has several columns, these are
-    particles with the weights ``weight``.
+    If covariances are not read, each state is a point. If they are read, a ``state_vector`` with
+    several columns is a set of particles, one in each column, with the weights ``weight``. Any
+    other state has the covariance ``covar``, or NaN without it.
 
     Raises
     ------
@@ -279,8 +281,8 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
     """Return both sides; a side that is None becomes a reading without tracks.
 
-    It has the columns of the other side. If both sides are None, they have `columns`; without
-    these, they have two columns.
+    It has the state columns of the other side. If both sides are None, their state columns are
+    those of the argument `columns`, or two columns if that is None too.
     """
     given = tuple(side for side in sides if side is not None)
     if len(given) == len(sides):
@@ -333,8 +335,8 @@ def _is_tracks(side: object) -> bool:
 
 
 # -------------------------------------------------------------------------------------------------
-# Arrays with named axes, DataArray and Dataset of xarray, which is not imported: attributes show
-# what they are.
+# Arrays with named axes: DataArray and Dataset of xarray. The package is not imported; its objects
+# are recognised by their attributes.
 
 NAMED_AXES = {
     "R": ("run", "realization", "realisation", "mc", "trial"),
@@ -352,7 +354,7 @@ ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
 
 
 def _axis_of(dim: object, name: str) -> str:
-    """Return the letter of the axis that a dimension is.
+    """Return the letter of an axis, as in `NAMED_AXES`, for the name of a dimension.
 
     Raises
     ------
@@ -372,7 +374,10 @@ def _has_named_axes(side: object) -> bool:
 
 
 def with_units(made: Reading, side: Any) -> Reading:
-    """Return a side with the units in the attributes of its array with named axes, if any."""
+    """Return the reading `made` with the units that the attributes of an xarray object give.
+
+    For any other `side` the reading is returned unchanged.
+    """
     if not _has_named_axes(side):
         return made
     variables = getattr(side, "data_vars", {"": side}).items()
@@ -512,10 +517,10 @@ def read_object(
 ) -> Reading:
     """Read an object in memory.
 
-    Tables, tracks and mappings as in `is_variables` are converted to rows, from which rows can be
-    left out. If an option in use needs rows, so are other arrays. All other objects are converted
-    to Trajectories directly. `name` begins the messages. `columns` are the state columns that the
-    distance prescribes.
+    Tables, tracks and mappings as in `is_variables` are converted to rows, so that filters can
+    leave some out. Other arrays are converted to rows only if an option in use needs it. All other
+    objects are converted to Trajectories directly. `name` begins the messages. `columns` are the
+    state columns that the distance prescribes.
 
     Raises
     ------
@@ -741,7 +746,7 @@ def from_rows(
     ids : sequence of k objects
         Ids of the tracks: texts, numbers and similar values.
     at : pair of (R,) int arrays
-        Index of each row in `times`, and in `ids`.
+        For each of the R rows, the index of its time in `times`, and of its track in `ids`.
     states : (R, d) array
         States.
     times : Times

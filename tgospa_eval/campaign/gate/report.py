@@ -138,7 +138,8 @@ MANY_ROWS = 40
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
     """Yield the notes on pairs, each sentence once, with the names of its pairs.
 
-    Notes of errors are left out, because stderr has them. Reports without stderr add them.
+    Notes of errors are left out here, because the command prints them to stderr. Reports that are
+    read without stderr, such as Markdown, add them themselves.
     """
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
@@ -161,7 +162,8 @@ def shortened(names: Sequence[str], width: int) -> list[str]:
     last = _common([part[first:][::-1] for part in parts])
     inner = ["/".join(part[first : len(part) - last]) for part in parts]
     if first == last == 0 or max(map(len, inner)) + 6 > width:
-        # Names such as run-01-of-the-suite share more than whole parts between slashes.
+        # Names can also share a part of the text between slashes, as run-01-of-the-suite and
+        # run-02-of-the-suite do.
         first = len(_prefix(names))
         last = len(_prefix([name[first:][::-1] for name in names]))
         inner = [name[first : len(name) - last] for name in names]
@@ -195,7 +197,7 @@ def accept_title(report: Report) -> str:
 
 
 IN_NOISE = "in noise"
-"""Verdict on a group above its limit whose seeds can be the reason."""
+"""Verdict on a group above its limit, if the choice of random seeds alone can explain this."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
@@ -459,9 +461,9 @@ END = b"\n</details>\n"
 # -------------------------------------------------------------------------------------------------
 # Report as JUnit XML in the form that Jenkins and GitLab read, with one case for each rule.
 #
-# A broken rule is a failure. A rule that could not be judged is an error. A broken rule that only
-# warns passes, with a text. No library for XML is used, because its import takes as long as a small
-# evaluation.
+# A broken rule is a failure. A rule that could not be judged is an error. If a broken rule only
+# warns, its case counts as passed and has a text. No library for XML is used, because its import
+# takes as long as a small evaluation.
 
 SUITE = "tgospa-eval gate"
 PAGE = "gate.html"
@@ -569,7 +571,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
     report : Report
         Report of the gate.
     seed : str
-        Label in which runs of one scene differ.
+        Name of the label with the random seed. Runs that differ only in it are of one scene.
     """
     pages = {one.page_name: one.page for one in report.outcomes if one.page}
     return {

@@ -1,7 +1,8 @@
 """Text on stdout and stderr, errors of writing, and Ctrl-C.
 
 Names in files can contain control characters, or commands that a CI system reads from its log. Both
-are escaped here, as a last line of defence. Only the gate prints such commands.
+are escaped here, as a last line of defence. One exception: ``gate`` prints commands for CI systems
+on purpose.
 """
 
 import errno
@@ -57,7 +58,10 @@ def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
 
 @contextmanager
 def shielded() -> Iterator[None]:
-    """Let the block end after a first Ctrl-C; the program then ends because of `interrupted`."""
+    """Let the block run to its end in spite of a first Ctrl-C; a second one stops it.
+
+    After the block the caller asks `interrupted`, and ends the program.
+    """
     waiting: list[int] = []
 
     def take() -> bool:
@@ -155,8 +159,8 @@ def emit(text: str, format: str = "table") -> None:
         The report cannot be written.
     """
     if format == "json":
-        # The module `json` leaves two things that are escaped here: the character delete, and
-        # commands of CI systems within a line.
+        # The module `json` does not escape two things, so they are escaped here: the control
+        # character DEL, and commands of CI systems within a line.
         text = text.replace("\x7f", "\\u007f").replace("##", "#\\u0023")
     elif format != "colours" and (format != "csv" or _is_watched()):
         text = visible_lines(text)
@@ -189,7 +193,7 @@ def check_written(error: OSError) -> None:
     Raises
     ------
     ConfigError
-        It is: it names no file, and its number is in `FULL`.
+        The error is a failure to write to stdout: it names no file, and its number is in `FULL`.
     """
     if error.filename is None and error.errno in FULL:
         raise _lost(error) from None
