@@ -176,7 +176,8 @@ def test_wrong_usage_of_stores(batch: Invoke, invoke: Invoke) -> None:
     settings = json.loads(Path("old/batch.json").read_text(encoding="utf-8"))
     settings["options"]["machine"] = "of a scaling study"
     Path("old/batch.json").write_text(json.dumps(settings), encoding="utf-8")
-    answer = invoke("gate", "old", "old")
+    shutil.copytree("old", "same")
+    answer = invoke("gate", "old", "same")
     assert (answer.status, "gate takes stores that this version of batch made" in answer.err) == (
         3,
         True,

@@ -13,7 +13,7 @@ from tgospa_eval import ConfigError, InputError, batch, compare, evaluate
 GIVEN: dict[str, Any] = {"cutoff": 10.0, "switch_penalty": 5.0}
 RUNS, STEPS, OBJECTS = 8, 6, 2
 PATTERNS = {"truth": "gt/{run}.csv", "estimate": "out/{tracker}/{run}.csv"}
-OF_FILES = ["key", "truth", "estimate", "seconds", "finished"]
+OF_FILES = ["notices", "key", "truth", "estimate", "seconds", "finished"]
 
 
 @pytest.fixture
