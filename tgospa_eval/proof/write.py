@@ -88,7 +88,7 @@ def proof_tables(
 
 
 def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
-    """Return the column of marks of a table as a list of one column; empty if nothing is marked."""
+    """Return the column of marks of a table as a list of one column; empty without marks."""
     if unjudged is None:
         return []
     return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
@@ -295,7 +295,7 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
 def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int) -> Prices:
     """Return the prices of the only estimate of a block; `entry` has its pairs with a gain.
 
-    See the second difference above.
+    The equations are in the comment above `Prices`.
     """
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
@@ -424,7 +424,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
 
 
 def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
-    """Run the checker on folders in memory, one after another.
+    """Run the checker on folders in memory, in their order: each must prove its claim.
 
     Raises
     ------
@@ -497,8 +497,8 @@ def _claim(proof: PairProof) -> list[str]:
     The checker computes distances exactly, or reads them from a table. The `relative` widening is
     for distances d in a table, which `proof_tables` computes from costs (d / c)^p. The `absolute`
     widening is for boxes, where d is 1 minus a ratio near 1, and for periodic columns, where d is
-    the period minus a difference. It is for one pair; an assignment has at most as many pairs as
-    the smaller table has states.
+    the period minus a difference. It is multiplied by the number of states of the smaller table,
+    because an assignment has at most so many pairs.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem

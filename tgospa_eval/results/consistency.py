@@ -7,8 +7,8 @@ degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2). ANEES i
 divided by d (Li, Zhao and Jilkov 2001). `NeesSums` of several evaluations, or of the parts of one,
 can be added.
 
-The band of a mean NEES is the interval that has the mean with a given probability, if errors fit
-the covariances.
+The band of a mean NEES is an interval: if errors fit the covariances, the mean is in it with a
+given probability.
 """
 
 from collections.abc import Iterable, Mapping
@@ -87,8 +87,8 @@ class NeesSums:
     inside : float
         Number of pairs inside the region of 95 %.
     neighbours, products, ends : float
-        Sums over all two pairs of the same object and estimate at consecutive steps: their number,
-        the product of the two NEES, and the sum of the two NEES.
+        Two NEES are neighbours if they belong to the same object and estimate at consecutive steps.
+        These are the number of such neighbours, and the sums of their products and of their sums.
     ranks : (d, 10) tuple of tuple of float
         For clouds: for each component, the number of true states in each tenth of the distribution
         of the particles.

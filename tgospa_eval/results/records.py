@@ -79,7 +79,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Bound the relative error of the p-th root of a cost that the rounding of 1/p causes."""
+        """Return a bound of the relative error of the p-th root by the rounding of 1/p."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 

@@ -63,7 +63,7 @@ class TimeMatching:
         A time is an outage if it is longer than this, and no estimate is near a true object in it.
         The timestamps of the truth in an outage are also steps. This matters only if times of the
         estimate decide which steps count. By default it is five times the median time between
-        states of the estimate near a true object. ``"none"`` means that there are no outages.
+        states of the estimate near a true object. ``"none"`` means that outages add no steps.
 
     Raises
     ------
@@ -427,7 +427,7 @@ def _nearest(own: Times, other: Times) -> Ints:
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
     left, right = time_differences(own, other[before]), time_differences(own, other[after])
-    if left.dtype.kind == "f":  # a tie despite rounding of decimals
+    if left.dtype.kind == "f":  # rounding of decimals must not break a tie
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
@@ -481,7 +481,7 @@ class ClockReports:
     source : str
         Origin of the period in words, if it was not declared.
     single : int
-        Number of reports that are the only one of their run.
+        Number of runs that have a single report.
     """
 
     estimate: Trajectories
@@ -502,9 +502,9 @@ class ClockReports:
         return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
 
     def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:
-        """Yield truth and reports at the times of the reports, a few times after another.
+        """Yield truth and reports at the times of the reports, in blocks of consecutive times.
 
-        Each block has a pair (truth, reports) and the indices of its reports.
+        A block has the truth and the reports as two sides, and the indices of its reports.
 
         Parameters
         ----------

@@ -90,7 +90,7 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     np.sqrt(a, out=factors[0])
     bound = np.sqrt(c)
     left = c.copy()
-    # For covariances up to rounding, an overflow is clipped or gives a number below 0.
+    # An overflow of b / sqrt(a) is clipped. One of the remainder is negative, and becomes 0.
     with np.errstate(over="ignore"):
         np.divide(b, factors[0], out=factors[1], where=a > 0)
         np.clip(factors[1], -bound, bound, out=factors[1])
@@ -109,7 +109,7 @@ def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
     """Return the rounding error ``a b - product`` of a rounded product."""
     a_high, b_high = (
         (134217729.0 * x) - (134217729.0 * x - x)
-        for x in (a, b)  # 2^27 + 1
+        for x in (a, b)  # times 2^27 + 1
     )
     a_low, b_low = a - a_high, b - b_high
     exact: Floats = a_low * b_low - (product - a_high * b_high - a_low * b_high - a_high * b_low)

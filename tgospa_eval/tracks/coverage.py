@@ -48,7 +48,9 @@ MEANINGS: Mapping[object, bool] = {
 
 
 def marks_of(side: Trajectories, name: str) -> Mask:
-    """Return a mask (R,) of the rows that are marked in the attribute `name`, if it exists.
+    """Return a mask (R,) of the rows that are marked in the attribute `name`.
+
+    Without this attribute, no row is marked.
 
     Raises
     ------
@@ -104,7 +106,7 @@ COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "trut
 
 
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
-"""Columns of a table of results. Values are comparable if they are equal in both columns."""
+"""Columns of a table of results. Two results are comparable if both columns are equal."""
 
 LANES = np.array([[0x9E3779B97F4A7C15], [0xC2B2AE3D27D4EB4F]], np.uint64)
 """Odd factors of two independent 64-bit hashes of each row."""
@@ -117,7 +119,7 @@ NO_SUMS = (0,) * (1 + len(LANES))
 
 
 def judge_alike() -> str:
-    """Return the remedy that makes values comparable, for messages."""
+    """Return, for messages, what the user can do to make values comparable."""
     ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
     return f"evaluate all on a common clock, {ways}"
 
@@ -366,7 +368,7 @@ def unsigned_zeros(numbers: Number) -> Number:
 
 
 def _bits(times: TimeArray) -> NDArray[np.uint64]:
-    """Return the 64 bits of each time; whole numbers have those of integers, also if float."""
+    """Return the 64 bits of each time; a whole number has the bits of an integer, also if float."""
     if times.dtype.kind == "i":
         return times.astype(np.int64).view(np.uint64)
     answer = times.astype(np.float64).view(np.uint64)

@@ -33,8 +33,8 @@ RUN = 1.5
 """Largest time between consecutive reports of a run, in periods, unless the user sets it."""
 
 SLACK = 1e-9
-"""A step at the end of the time of a report belongs to the next report, also if it is earlier by up
-to this share of a period."""
+"""The time in which a report holds begins and ends earlier by this share of a period. So a step at
+the end belongs to the next report, despite rounding."""
 
 
 def interpolated(
@@ -242,9 +242,9 @@ def hold(
 
     A report is a row of the estimate. It holds: it is valid also at steps before and after its own
     time. A run is a sequence of reports of a track without a long gap. Inside a run a report holds
-    up to the middle to its neighbours. Outside, the first and the last report hold for half a
-    period, but not beyond the middle to the next report of the track. So n regular reports hold for
-    n periods, and a single report holds for one period.
+    up to the middle to its neighbours. Before and after the run, its first and last report hold
+    for half a period, but not beyond the middle to the next report of the track. So n regular
+    reports hold for n periods, and a single report holds for one period.
 
     Parameters
     ----------
