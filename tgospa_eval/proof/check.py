@@ -1,4 +1,4 @@
-"""Checks of proof folders in exact integers: whether the claim of each folder holds."""
+"""Checks of proof folders in exact integers. Each folder claims bounds of TGOSPA."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -12,16 +12,16 @@ from tgospa_eval.quoting import visible
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """Outcome of one proof.
+    """Outcome of the check of one proof.
 
     Parameters
     ----------
     folder : str
-        Folder of the proof.
+        Path of the proof folder.
     holds : bool
         Whether the proof confirms the claimed bounds.
     text : str
-        Computed bounds, or the error.
+        Computed bounds, or what is wrong.
     """
 
     folder: str
@@ -34,12 +34,12 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """Outcomes of the proofs in a folder; true if all hold.
+    """Outcomes of the checks of all proofs in a folder; true if all claims hold.
 
     Parameters
     ----------
     claims : tuple of Claim
-        One claim, or one claim for each class.
+        A single claim, or a claim for each class.
     """
 
     claims: tuple[Claim, ...]
@@ -57,7 +57,7 @@ class Verification:
 
 
 def verify(folder: "str | os.PathLike[str]") -> Verification:
-    """Check the proof in a folder, or one for each class.
+    """Check the proof in a folder, or the proofs of all classes in it.
 
     A program of one file, which shares no code with the solver, computes both bounds again with
     exact integers. The command ``tgospa-eval verify`` does the same, and can also check that the
@@ -66,7 +66,7 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
     Parameters
     ----------
     folder : str or path
-        A proof folder, as `Result.proof` saves it, or a result folder with one in it.
+        A proof folder, as `Result.proof` saves it, or a result folder with a proof folder in it.
 
     Returns
     -------
@@ -82,12 +82,14 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
 
 
 def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
-    """Check all proofs in a folder; their total work is limited.
+    """Check all proofs in a folder; `judge` checks one of them.
+
+    The total work of all checks is limited.
 
     Raises
     ------
     InputError
-        The folder has no proof, or has a link out of it.
+        The folder has no proof, or a proof in it is a link to another place.
     """
     folders = _folders(folder)
     claims = [] if folders == [folder] else list(_missing_classes(folder, folders))
@@ -108,9 +110,9 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
     folder : str
         Path of the folder.
     files : Folder
-        Reader of the folder.
+        Reader of its files.
     more : callable
-        Further check. It raises `Wrong`, or returns its outcome in words.
+        Function for a further check. It returns its outcome in words, or raises `Wrong`.
 
     Raises
     ------
@@ -130,7 +132,10 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
 
 
 def _folders(folder: str) -> list[str]:
-    """Return the folders that have a proof: the named folder, or folders of classes in it."""
+    """Return the folders with a proof: the folder itself, or the folders of classes in it.
+
+    If there are none, the same is tried with the folder ``proof`` in it.
+    """
     for path in (folder, os.path.join(folder, PROOF_FOLDER)):
         folders = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
         if folders:
@@ -142,10 +147,10 @@ def _folders(folder: str) -> list[str]:
 
 
 def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
-    """Yield a failed claim for each class without a proof, if classes were proven separately."""
+    """Yield a failed claim for each class that the proofs name, but that has no proof itself."""
     there, needed = set(), set()
     for path in folders:
-        with suppress(*verify_tgospa.DAMAGED):  # the claim reports the damage
+        with suppress(*verify_tgospa.DAMAGED):  # `check` reports damaged files
             document = verify_tgospa.Folder(path).proof()
             there.add(document.get("class"))
             needed.update(document.get("classes", ()))

@@ -5,28 +5,28 @@ It needs only Python's standard library, and does not rely on floating-point ari
 the binary64 number nearest to its text, and all further numbers are integers, rounded outward.
 
 The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): true objects i and estimates j
-exist at some steps k. An assignment has weights W_ij(k) >= 0; at each step the weights of an object
-sum to at most 1, and those of an estimate too. Its cost in units of c^p (cutoff c, order p) is
-    sum over existing objects of P  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
-where P is 1 - rho for true objects and rho for estimates (rho = 1/2 by default), G = 1 - (d / c)^p
-if both exist with d < c, else 0, and L = (g / c)^p / 2 with the switch penalty g. With masks P is 0
-for true objects with the weight w = 0 and for excused estimates, and G = P_i + P_j - w (d / c)^p if
-this is positive and d < c, else 0. The least cost is (TGOSPA / c)^p. The folder has an assignment,
-which is checked; its cost is an upper bound. The folder has prices v_j(k) >= 0. For any such prices
-    sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
-is a lower bound, where R_i is the most that object i can gain if it pays v_j(k) for using j at k, L
-for taking an estimate and L for leaving it. Proof: the prices times sum_i W_ij(k) - 1 <= 0, added
-to the cost, do not increase it; the sum has one part for each i. Dynamic programming gives R_i.
+have states at some steps k. An assignment has weights W_ij(k) >= 0; those of each state sum to at
+most 1. Its cost in units of c^p (cutoff c, order p) is
+    sum of P over all states  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
+P is the price of an unassigned state: 1 - rho of the truth, rho of the estimate (by default 1/2). G
+is the gain of a pair: 1 - (d / c)^p at a distance d < c, else 0. L is the price of half a switch,
+(g / c)^p / 2 with the switch penalty g. With masks, P is 0 for truth states of weight w = 0 and for
+excused estimate states, and G is P_i + P_j - w (d / c)^p if d < c and this is positive, else 0. The
+least cost is (TGOSPA / c)^p. Upper bound: the cost of the assignment in the folder, whose weights
+are checked. Lower bound, for any prices v_j(k) >= 0, such as those in the folder:
+    sum of P over all states  -  sum_jk v_j(k)  -  sum_i R_i,   with R_i by dynamic programming.
+R_i is the most that object i can gain if it pays v_j(k) for using j at k, L for taking an estimate
+and L for leaving it. Proof: adding v_j(k) (sum_i W_ij(k) - 1) <= 0 does not increase the cost.
 """
 
 import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, re, sys
 from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
-CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
-MARKS, COUNTED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
+CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances whose formula is in this file
+MARKS, COUNTED = ("weight", "excused"), ("1", "0")  # columns; values if a state counts
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
-MORE_BITS = 120  # bits of costs in addition to those of prices
+MORE_BITS = 120  # costs have so many bits more than prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
 
@@ -34,7 +34,7 @@ DAMAGED += csv.Error, RecursionError, MemoryError
 PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 LENGTH, FIGURES = 60, 1000  # characters of a decimal number, digits of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
-WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # about microseconds per megabyte; bytes
+WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # of `spend`: about microseconds, bytes; bytes
 
 # All fields of proof.json: [x] means a list of x, (x, y) a row; fields under MAY are optional.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
@@ -93,7 +93,7 @@ def whole(value, limit=10**FIGURES):
 
 
 def check(value, kind, where):
-    """Check that a value of the document has a kind as in DOCUMENT; `where` is its place."""
+    """Check that a value of proof.json has a kind, as DOCUMENT has them; `where` is its place."""
     if isinstance(kind, dict):
         check(value, dict, where)
         known = kind | kind.get(MAY, {})
@@ -116,7 +116,7 @@ def check(value, kind, where):
 
 
 class Folder:
-    """Files of a proof, and the work of checking them."""
+    """Files of a proof folder, and the work so far, including that of folders `before` it."""
 
     def __init__(self, path, before=None):
         self.path = pathlib.Path(path)
@@ -124,7 +124,7 @@ class Folder:
 
     def read(self, name):
         """Return the bytes of a file that lies in the folder itself."""
-        if not (path := self.path / name).is_file():  # a device may have no end
+        if not (path := self.path / name).is_file():  # a device can be endless
             raise FileNotFoundError(f"{name} is missing, or is not a file")
         if path.resolve().parent != self.path.resolve():  # messages must not show files elsewhere
             raise ValueError(f"{name} is a link out of the folder: must be a file in it")
@@ -153,7 +153,7 @@ class Folder:
         return rows
 
     def proof(self):
-        """Return the document, which must have exactly the fields of the schema."""
+        """Return the document of proof.json, which must have exactly the fields of the schema."""
         proof = json.loads(
             self.text("proof.json"),
             object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else {"name twice": 0},
@@ -180,24 +180,24 @@ class Folder:
         return proof
 
     def spend(self, work):
-        """Count work up to a limit, which beyond MEGABYTE grows faster than the pairs of rows."""
+        """Count work up to a limit; above MEGABYTE it grows faster than the number of pairs can."""
         self.work += work
         if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
             raise BeyondLimits("there are too many near pairs for a folder of this size")
 
 
 def is_closed(given):
-    """Return whether distances follow from the states; not if reports are held on a clock."""
+    """Return whether distances follow from the states; not so if reports hold on a clock."""
     return given["distance"] in CLOSED and "held" not in given
 
 
 def pair_work(columns, size):
-    """Estimate the work of a measured pair; `size` is the number of bits of a column."""
+    """Estimate the work for the distance of a pair whose columns are integers of `size` bits."""
     return 2.5 + columns * (0.5 + size / 500)
 
 
 def power_work(exponent, size, bits):
-    """Estimate the work of a near pair: a power of integers of `size` bits, and its bounds."""
+    """Estimate the work for the cost of a near pair: `power` with integers of `size` bits."""
     if exponent.denominator <= 16 and (top := exponent.numerator * size) <= EXACT_BITS:
         return 10 + bits / 50 + (top + exponent.denominator * bits) ** 2 / 10**6
     return 40 + size / 20 + (30 + bits / 3) ** 2 / 80
@@ -221,14 +221,14 @@ def power(a, b, exponent, bits):
 
 
 class Known(dict):
-    """Contents of the tables by their text; a text that no table has is an error."""
+    """Values of the texts (ids or times) in the tables; other texts raise `Wrong`."""
 
     def __missing__(self, text):
         raise Wrong(f"no table has {text!r:.80}")
 
 
 class ClaimedScene:
-    """Objects by step, and the cost of each pair nearer than the cutoff."""
+    """States of the tables, and the cost of each pair of states nearer than the cutoff."""
 
     def __init__(self, folder, proof):
         given = proof["parameters"]
@@ -285,7 +285,7 @@ class ClaimedScene:
                 raise ValueError("distances.csv has a duplicate pair at one time")
 
     def _lost(self, low, high, missed, false):
-        """Return integers below and above 1 minus the gain P_i + P_j - w (d / c)^p of a pair."""
+        """Return integers below and above the cost of a pair, 1 minus P_i + P_j - w (d / c)^p."""
         rest = (1 << self.bits) - missed - false
         cost = [rest + (power if missed else 0) for power in (low, high)]
         return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
@@ -300,7 +300,7 @@ class ClaimedScene:
             yield truth, estimate, k, a * base, b * top
 
     def _measured(self, folder, sides, scale, turn):
-        """Yield the pairs of each step in neighbouring cells, which are as wide as the cutoff."""
+        """Yield all pairs of a step in neighbouring cells, wide as the cutoff, with `_ratio`."""
         every = itertools.chain([turn], sides[0].values(), sides[1].values())
         units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
         unit = max(units | {self.cutoff.denominator})  # all are powers of 2
@@ -352,8 +352,8 @@ def lower_bound(scene, proof):
     one, leave = 1 << scene.bits, scene.change[0]
     bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
-        # The largest gain so far, without prices, by assigned estimate. The first assignment costs
-        # only its prices, which are >= 0, so it need not start before its first gain.
+        # assigned[j]: the largest gain if j is assigned now, plus all prices of j so far; at first
+        # 0, as an assignment from the first step on costs no L. free: the same for no assignment.
         assigned, free = dict.fromkeys(costs, 0), 0
         gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
         for _, group in itertools.groupby(gains, lambda gain: gain[0]):
@@ -379,7 +379,7 @@ def upper_bound(scene, proof):
         whole(end - begin - 1)
         for k, change in ((begin, whole(weight)), (end, -weight)):
             for key in (("truth", truth), ("estimate", estimate)):
-                loads[key][k] += change  # change of the sum of its weights at step k
+                loads[key][k] += change  # change at step k of the sum of its weights
             changes[truth, estimate][k] += change
     for (side, name), load in loads.items():
         for k, total in zip(sorted(load), itertools.accumulate(load[k] for k in sorted(load))):
@@ -391,7 +391,7 @@ def upper_bound(scene, proof):
         for k, change in of.items():  # from step k on the weight is larger by change
             saved += change * (sums[-1] - sums[bisect.bisect_left(costs, (k,))])
             moved += abs(change) if 0 < k < len(scene.times) else 0
-    if moved and scene.never:  # a change of >= 2^-64, where a switch costs > 2^128 c^p
+    if moved and scene.never:  # weights change by >= 2^-64, and a switch costs > 2^128 c^p
         raise Wrong("the assignment has switches, where one costs more than all objects")
     return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 

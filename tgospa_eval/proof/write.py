@@ -1,4 +1,8 @@
-"""A result as a proof folder: the two compared tables, prices, assignment, and the claim."""
+"""A result as a proof folder: the two compared tables, prices, assignment, and claimed bounds.
+
+"The checker" is `verify_tgospa`. Symbols (A, B, c, D, G, p, v) are those of
+docs/theory/notation.md.
+"""
 
 import csv
 import decimal
@@ -29,24 +33,24 @@ from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.tracks.weights import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
-"""Relative tolerance of distances that are computed again, maybe by other library versions."""
+"""Relative tolerance of distances that are computed again, perhaps with other library versions."""
 
 
 WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
-"""Columns that mark ignored objects and excused estimates."""
+"""Columns that mark ignored states of the truth and excused states of the estimate."""
 
 
 def proof_tables(
     compared: ComparedSides, problem: Problem, parameters: Parameters
 ) -> dict[str, str]:
-    """Return the tables of a proof folder by name.
+    """Return the texts of the tables of a proof folder, by file name.
 
     Parameters
     ----------
     compared : ComparedSides
         States, ids and times of both sides.
     problem : Problem
-        Rows and costs.
+        Steps and tracks of the states, and costs of pairs.
     parameters : Parameters
         Cutoff and order, which turn costs into distances.
     """
@@ -84,7 +88,7 @@ def proof_tables(
 
 
 def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
-    """Return a list with the column of marks of a table; empty if it has no marks."""
+    """Return the column of marks of a table as a list of one column; empty without marks."""
     if unjudged is None:
         return []
     return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
@@ -96,9 +100,10 @@ def times_of(compared: ComparedSides) -> list[str]:
 
 
 def difference(name: str, one: str, other: str, cutoff: float) -> str:
-    """Return where two tables first differ, in words; empty if they are the same.
+    """Describe the first difference of two texts of the table `name`; empty if they agree.
 
-    Distances may differ by DISTANCE_TOLERANCE, and a pair at the cutoff may be in one table only.
+    Distances agree if they differ by at most DISTANCE_TOLERANCE. A pair at the cutoff, up to this
+    tolerance, is allowed to be in only one of the two texts.
     """
     if name == "distances.csv":
         return _difference_of_distances(one, other, cutoff)
@@ -113,7 +118,7 @@ def _shown(line: str | None) -> str:
 
 
 def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
-    """Return `difference` of two tables of distances; a missing pair counts as at the cutoff."""
+    """Return `difference` of tables of distances; a missing pair has the distance `cutoff`."""
     given, made = (
         {
             (truth, estimate, t): float(d)
@@ -129,7 +134,7 @@ def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
 
 
 def _fields(names: Iterable[str]) -> list[str]:
-    """Return texts as fields of a CSV file."""
+    """Quote texts as fields of a CSV file, where necessary."""
     text = io.StringIO()
     writer = csv.writer(text)  # quotes fields with \r or \n
     fields = []
@@ -146,7 +151,7 @@ def _chosen(fields: list[str], which: Ints) -> Iterable[str]:
 
 
 def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
-    """Return a table of columns of fields, many times faster than by `csv`."""
+    """Join columns of fields to the text of a table, many times faster than `csv`."""
     lines = [",".join(_fields(header)), *map(",".join, zip(*columns, strict=True))]
     return "\n".join(lines) + "\n"
 
@@ -154,49 +159,55 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # -------------------------------------------------------------------------------------------------
 # From the prices of the solver to integer prices of using an estimate at a step.
 #
-# A checker without reductions needs one kind of price: v_j(k) >= 0 of the estimate j at the step k,
-# at the requested cutoff. The prices of a `Solution` differ in five ways.
+# The checker knows no reductions. It needs one kind of price: v_j(k) >= 0 of the estimate j at the
+# step k, at the requested cutoff. The prices of a `Solution` differ in five ways. In the following,
+# a block is a component, and L is the price of half a switch.
 #
-# - The price of a slot is paid once, by the object that has the estimate in it. It is put on the
-#   first step of the slot: nothing gains within a slot, so nothing enters between two of its steps.
-# - Blocks of a single estimate and several true objects have the estimate as their row, and no
-#   prices. Prices that make the other form tight follow from the value function. Let V_k(i) be the
-#   most that the estimate can gain after the step k if it is then assigned to the object i, and
-#   V_k(0) if it is then unassigned. Then v(k) = V_{k-1}(0) - V_k(0), and at the first gain
-#   v(k) = max(V_k(0), max_i G_i + V_k(i)) - V_k(0).
-#   Proof: G_i(k) + V_k(i) <= V_{k-1}(i). So with a_i(k) = V_k(i) - V_k(0), |a_i| <= L, each object
-#   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0. The prices sum to the optimum.
-# - Blocks may be solved at a smaller cutoff price s. With the prices v' there and the vertex cover
-#   (y, z) of `problem.certificate`, v = s v' + (1 - s) (A + B) z. Here A + B is 1, or less if all
-#   objects are ignored (A = 0) or all estimates excused (B = 0). Proof: each gain has
-#   G <= s G' + (1 - s) (A + B) (y + z), so each object gains at most s times its gain there, plus
-#   (1 - s) (A + B) y.
-# - For some blocks nothing is proven. If the price is B wherever an estimate may be used, no object
-#   gains more than its own A, so that these blocks do not lower the bound of the other blocks.
-# - A and B of a problem are doubles, those of a checker are exact: see `_of_slots`.
+# - The price of a slot is paid once, by the object that has the estimate in it. The whole price is
+#   put on the first step of the slot. This is right because no pair gains between the steps of a
+#   slot, so that no object needs to take the estimate between them.
+# - In a block of a single estimate and several true objects, the estimate is the row, and there are
+#   no prices. Prices follow from the value function: let V_k(i) be the most that the estimate can
+#   gain after the step k if it is then assigned to the object i, and V_k(0) if it is then
+#   unassigned. Then v(k) = V_{k-1}(0) - V_k(0). At the first step with a gain, however,
+#   v(k) = max(V_k(0), max_i G_i + V_k(i)) - V_k(0). These prices prove the optimum of the block.
+#   Proof: G_i(k) + V_k(i) <= V_{k-1}(i). Let a_i(k) = V_k(i) - V_k(0), then |a_i| <= L. So each
+#   object gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0. The prices sum to the
+#   optimum.
+# - A block can be solved at a smaller cutoff, with c^p times a factor s < 1. Let v' and G' be the
+#   prices and gains there, and (y, z) the vertex cover of `problem.certificate`. Then
+#   v = s v' + (1 - s) (A + B) z. Here A + B is 1, or less if all objects are ignored (A = 0) or all
+#   estimates excused (B = 0). Proof: each gain is G <= s G' + (1 - s) (A + B) (y + z), so each
+#   object gains at most s times its gain there, plus (1 - s) (A + B) y.
+# - For some blocks nothing is proven. Their price is B wherever a pair has a gain. Then no object
+#   gains more than its own A, and these blocks do not lower the bound of the other blocks.
+# - A and B are doubles in a `Problem`, but exact in the checker: see `_of_slots`.
 
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
 
 SPARE_BITS = 55
-"""Rounding lowers all prices together by at most 2^-SPARE_BITS of the lower bound. This leaves half
-of the rounding that the bound allows for."""
+"""Bits of prices, beyond the size of the bound. Rounding lowers all prices together by at most
+2^-SPARE_BITS of the lower bound, which is half of the rounding that the bound allows for."""
 
 
 def price_bits(states: States, lower: float) -> int:
-    """Return the binary digits that prices need to prove a lower bound, in units of c^p."""
+    """Return how many binary digits prices need, so that they prove the bound `lower`.
+
+    Prices and the bound are in units of c^p.
+    """
     many = len(states.begin) + len(states.columns.step)
     return SPARE_BITS + max(math.frexp(many / lower)[1] if lower > 0 else 0, 0)
 
 
 Shares = tuple[Fraction, Fraction]
-"""Exact prices A and B of a missed and of a false target; those of a `Problem` are rounded."""
+"""Exact prices A and B of a missed and of a false target; a `Problem` has them rounded."""
 
 
 def estimate_prices(
     states: States, prices: Floats, reduced: tuple[Reduced, ...], shares: Shares, bits: int
 ) -> Prices:
-    """Return prices, in units of 2^-bits c^p, that prove the bound of the certificate."""
+    """Return prices for the checker that prove the lower bound of the certificate."""
     problem = states.problem
     own = int(shares[1] * (1 << bits))
     part_of = np.full(len(states.block_begin), -1)
@@ -234,7 +245,7 @@ def estimate_prices(
 
 
 def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
-    """Return (estimate, step) of the entries whose estimate costs something if it is unassigned."""
+    """Return (estimate, step) of the entries whose estimate has a price if it is unassigned."""
     row = problem.estimate_row[entry]
     row = np.unique(row[problem.estimate_price[row] > 0])
     columns = problem.estimate_track[row], problem.estimate_step[row]
@@ -242,7 +253,10 @@ def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
 
 
 def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits: int) -> Prices:
-    """Return prices of slots at their first steps, as in the certificate, for exact A and B."""
+    """Return the prices of the slots of `chosen` blocks, at the first steps of the slots.
+
+    They are those of the certificate, but adjusted to the exact A and B.
+    """
     columns, problem = states.columns, states.problem
     unit, running = columns.running(fair_prices(prices))
     whole = np.diff(running)
@@ -263,9 +277,10 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
             )
         }
     )
-    # Let u = B - v where an estimate may be used, -v elsewhere. The bound is the sum of u and of
-    # the least cost of each object, from D - u and A. If all costs and u are multiplied by `less`,
-    # so is the bound.
+    # The problem has rounded A and B. Let u be B - v where a pair has a gain, and -v elsewhere. The
+    # lower bound is the sum of all u, plus the least cost of each object with the costs D - u and
+    # A. If all costs and all u are multiplied by the factor `less`, the bound is, too. So prices
+    # are multiplied by `less`, and increased by the exact B minus `less` times the rounded B.
     rounded = [Fraction(float(np.max(side.price, initial=0.0))) for side in problem.sides]
     ratios = [one / two for one, two in zip(shares, rounded, strict=True) if two]
     if any(ratio != 1 for ratio in ratios):
@@ -278,7 +293,10 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits
 
 
 def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int) -> Prices:
-    """Return prices of the only estimate of a block, from its value function."""
+    """Return the prices of the only estimate of a block; `entry` has its pairs with a gain.
+
+    The equations are in the comment above `Prices`.
+    """
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
@@ -291,14 +309,14 @@ def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     priced: Prices = Counter()
-    value: dict[int, int] = {}  # V of each object, if it is above V of "none" less `change`
+    value: dict[int, int] = {}  # V(i) is this or V(0) - L, if that is larger
     unassigned = 0
     for step, group in itertools.groupby(zip(steps, truths, gains, strict=True), lambda at: at[0]):
         best = unassigned
         for _, truth, gain in group:
             value[truth] = gain + max(value.get(truth, 0), unassigned - change)
             best = max(best, value[truth] - change)
-        if step == steps[-1]:  # the first gain: being assigned before it costs nothing
+        if step == steps[-1]:  # the first gain in time: an assignment before it costs nothing
             best = max(best, *value.values())
         priced[estimate, step] = best - unassigned
         unassigned = best
@@ -312,18 +330,19 @@ def _whole(value: float, bits: int) -> int:
 
 
 COLUMN_NUMBERS = "scale", "periodic"
-"""Settings of a distance that have a number for each of some columns."""
+"""Settings of a distance that have a number for each of several columns."""
 
 
 def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
-    """Return the files of a proof folder.
+    """Return the texts of the files of a proof folder, by file name.
 
     Parameters
     ----------
     proof : PairProof
         The proven result.
     origin : mapping of str to object, optional
-        Origin of the tables: ``inputs``, ``options``, and the ``class`` if there are several.
+        Further fields of proof.json about the origin of the tables: ``inputs``, ``options``, and
+        the ``class`` if there are several.
 
     Raises
     ------
@@ -375,8 +394,8 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
     Raises
     ------
     ConfigError
-        The steps are weighted, objects exist with probabilities, the reach grows with time, or the
-        checker does not support the distance, the order or a name.
+        Steps are weighted, objects exist with probabilities, a reach grows with time
+        (``max_speed``), or the checker does not support the distance, the order or a name.
     """
     settings = compared.settings
     for name, what in (
@@ -405,7 +424,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
 
 
 def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
-    """Check with the checker that these folders, in their order, prove their claims.
+    """Run the checker on folders in memory, in their order: each must prove its claim.
 
     Raises
     ------
@@ -448,7 +467,7 @@ class _Written(verify_tgospa.Folder):
 def proof_parameters(
     compared: ComparedSides, parameters: Parameters, problem: Problem
 ) -> dict[str, object]:
-    """Return the parameters of the metric; numbers are texts of the doubles that were used."""
+    """Return the parameters of the metric; numbers are texts that are read as the same doubles."""
     settings = compared.settings
     return {
         "cutoff": repr(parameters.cutoff),
@@ -473,11 +492,13 @@ def proof_parameters(
 
 
 def _claim(proof: PairProof) -> list[str]:
-    """Return the printed bounds of the total, widened by the rounding of unproven distances.
+    """Return the claimed bounds of the total as texts, widened by the rounding of distances.
 
-    The relative part is for (d / c)^p of distances that `proof_tables` computes from costs. The
-    absolute part is for d of boxes (1 minus a ratio near 1) and for d around a circle (the period
-    minus a difference). An assignment has at most as many pairs as the smaller table has states.
+    The checker computes distances exactly, or reads them from a table. The `relative` widening is
+    for distances d in a table, which `proof_tables` computes from costs (d / c)^p. The `absolute`
+    widening is for boxes, where d is 1 minus a ratio near 1, and for periodic columns, where d is
+    the period minus a difference. It is multiplied by the number of states of the smaller table,
+    because an assignment has at most so many pairs.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
@@ -502,15 +523,16 @@ def _claim(proof: PairProof) -> list[str]:
 
 
 def _steps_of_tables(problem: Problem) -> Ints:
-    """Return the steps at which an object exists, which are the only steps of a checker."""
+    """Return the steps at which any object or estimate exists; the checker has no other steps."""
     return np.unique(np.concatenate([side.step for side in problem.sides]))
 
 
 def _at_steps(there: Ints, prices: Prices) -> Prices:
-    """Return the prices at the steps `there`: each moves to the next of these steps, or the last.
+    """Move each price to the next step of `there`; if no such step follows, to the last one.
 
-    A path that uses the estimate at the new step may as well use it since the old step, or from the
-    last step to the end: it gains nothing between these steps, and pays the price once.
+    The prices prove the same bound: between the old and the new step no pair gains. So a path that
+    uses the estimate at the new step can use it from the old step on (or up to it), and pays the
+    price once in both cases.
     """
     priced: Prices = Counter()
     steps = np.array([step for _, step in prices], np.int64)
@@ -521,11 +543,11 @@ def _at_steps(there: Ints, prices: Prices) -> Prices:
 
 
 def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
-    """Return true object, estimate, first step, last step and weight of each assignment in time.
+    """Return true object, estimate, first step, last step and weight of each stretch of time.
 
-    An assignment lasts while its weight is constant. If it reaches an end of the window of its
-    block, it is extended to that end of the recording. It begins and ends at steps in `there`: no
-    pair gains between these, so the cost does not grow.
+    In a stretch, the weight of a pair is constant. A stretch that reaches an end of the window of
+    its block is extended to this end of the recording. Its ends are moved to steps in `there`;
+    this does not increase the cost, because no pair gains at other steps.
     """
     saved = save_solution(proof.states, proof.weights, proof.prices)
     begin = np.searchsorted(there, saved.begin)
@@ -538,7 +560,7 @@ def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, i
 
 
 def _numbers(settings: Mapping[str, object], name: str) -> dict[str, float]:
-    """Return a setting that has a number for each of some columns."""
+    """Return a setting of `COLUMN_NUMBERS`, by column; empty if it is not set."""
     numbers = settings.get(name, {})
     assert isinstance(numbers, Mapping)
     return dict(numbers)

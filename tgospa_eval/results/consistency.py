@@ -4,7 +4,11 @@
 
 If errors of d components are Gaussian with covariance P, NEES is chi-square distributed with d
 degrees of freedom (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2). ANEES is the mean NEES
-divided by d (Li, Zhao and Jilkov 2001). Sums of several evaluations, or of parts, add up.
+divided by d (Li, Zhao and Jilkov 2001). `NeesSums` of several evaluations, or of the parts of one,
+can be added.
+
+The band of a mean NEES is an interval: if errors fit the covariances, the mean is in it with a
+given probability.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,39 +26,39 @@ from tgospa_eval.problem.solution import AssignedPairs
 from tgospa_eval.results.records import Arrays, Columns, Json
 
 NEES = "nees"
-"""Name of the column, and of the record."""
+"""Name of the column in tables, and of the record in the JSON."""
 
 STORED_NEES = f"{NEES}.sums"
-"""Column of a store that has the sums as text."""
+"""Column of the sums, as text, in the store of a batch."""
 
 ABOUT_THE_ORDER = ("overconfident", "underconfident", "order-by-covariances", "copies")
 """Codes of notices about a ranking."""
 
 INSIDE = 0.95
-"""Probability of the region in which pairs count as inside, and of the band of the mean."""
+"""Probability of the region that counts as inside for a pair, and of the reported band."""
 
 EVIDENT = 0.999
 """Probability of the band outside of which a warning is raised."""
 
 FEWEST = 10
-"""Smallest number of independent values that can cause a warning."""
+"""Smallest number of independent values with which a warning is possible."""
 
 BINS = 10
 """Number of bins of the histogram of ranks."""
 
 MAX_CORRELATION = 0.999
-"""Largest correlation that is used, so that some independent values are left."""
+"""Limit of the correlation of neighbouring steps, so that some independent values are left."""
 
 
 def chi_square(share: float, freedom: Floats | float) -> Any:
-    """Return quantiles of the chi-square distribution with `freedom` degrees of freedom, > 0."""
+    """Return the quantile at `share` of the chi-square distribution with `freedom` degrees."""
     from scipy.special import gammaincinv  # lazy: slow to import
 
     return 2 * gammaincinv(np.asarray(freedom) / 2, share)
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Return the interval of the mean of `count` independent NEES at this probability."""
+    """Return the band of the mean of `count` independent NEES, with the probability `share`."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
@@ -68,25 +72,26 @@ def band_in_words(low: float, high: float, between: str = " to ") -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NeesSums:
-    """Sums for the NEES numbers of all pairs.
+    """Sums over assigned pairs, from which all numbers about NEES follow.
 
     Parameters
     ----------
     components : int
         Number d of components of the states.
     pairs : float
-        Number of assigned pairs with a NEES, by their weights.
+        Number of assigned pairs with a NEES, counted by their weights.
     singular : float
-        Number of assigned pairs without one, as the covariance is singular or missing.
+        Number of assigned pairs without a NEES, because the covariance is singular or missing.
     total, squares : float
-        Sums of the NEES and of its squares.
+        Sum of NEES, and sum of its squares.
     inside : float
         Number of pairs inside the region of 95 %.
     neighbours, products, ends : float
-        Sums over neighbouring steps of a pair of tracks: their number, the product of both NEES,
-        and the sum of both NEES.
+        Two NEES are neighbours if they belong to the same object and estimate at consecutive steps.
+        These are the number of such neighbours, and the sums of their products and of their sums.
     ranks : (d, 10) tuple of tuple of float
-        For clouds: number of true states in each tenth of the marginal distribution, by component.
+        For clouds: for each component, the number of true states in each tenth of the distribution
+        of the particles.
     """
 
     components: int
@@ -104,11 +109,11 @@ class NeesSums:
         return f"NEES {self.in_words}"
 
     def plain(self) -> dict[str, Any]:
-        """Return plain values; `NeesSums(**values)` restores the sums."""
+        """Return the sums as plain values; `NeesSums(**values)` restores them."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def row(self) -> dict[str, Any]:
-        """Return columns of a row of a store; `of_row` restores the sums."""
+        """Return the sums as columns of a row of a store; `of_row` restores them."""
         import json  # lazy: small evaluations do not need it
 
         record = {f"{NEES}.{name}": value for name, value in self.record().items()}
@@ -116,7 +121,7 @@ class NeesSums:
 
     @classmethod
     def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
-        """Return the sums in a row of a store, or None without sums."""
+        """Return the sums in a row of a store, or None if the row has no sums."""
         import json
 
         text = row.get(STORED_NEES)
@@ -124,12 +129,12 @@ class NeesSums:
 
     @classmethod
     def of_values(cls, values: Json) -> "NeesSums | None":
-        """Return the sums in a document, or None without its record."""
+        """Return the sums in a JSON document, or None if it has no record of NEES."""
         return cls(**values[NEES]["sums"]) if values.get(NEES) else None
 
     @classmethod
     def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
-        """Join the sums of evaluations with the same number of components; None for no sums."""
+        """Add the sums of evaluations with the same number of components; None without any sums."""
         each = [one.plain() for one in several]
         if not each:
             return None
@@ -164,7 +169,10 @@ class NeesSums:
 
     @property
     def verdict(self) -> str:
-        """Verdict in a word, by the band of the mean."""
+        """Verdict in words: ``"consistent"`` if the mean is in its band.
+
+        Above the band it is ``"overconfident"``, below ``"underconfident"``.
+        """
         if not self.pairs:
             return "no assigned state has a covariance"
         low, high = band(self.independent, self.components)
@@ -173,7 +181,7 @@ class NeesSums:
         return "overconfident" if self.mean > high else "underconfident"
 
     def record(self) -> Json:
-        """Record for the JSON: the numbers, and the sums for joining several runs."""
+        """Return the record for the JSON: the numbers, and the sums that `joined` needs."""
         low, high = band(self.independent, self.components) if self.pairs else (None, None)
         return {
             "mean": self.mean if self.pairs else None,
@@ -187,7 +195,7 @@ class NeesSums:
         }
 
     def numbers(self) -> dict[str, float]:
-        """Return numbers by name for logs and rules; empty without a pair."""
+        """Return the numbers by name for logs and rules of a gate; empty if no pair has a NEES."""
         if not self.pairs:
             return {}
         share = self.inside / self.pairs
@@ -211,7 +219,10 @@ class NeesSums:
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
-        """Warn if the mean is far from its expected value; `spread` is the cost of covariances."""
+        """Warn if the mean is far from its expected value.
+
+        `spread` is the part of the cost by differences of covariances, or None.
+        """
         if self.independent < FEWEST or not self.total:  # equal files have errors of 0
             return ()
         low, high = band(self.independent, self.components, EVIDENT)
@@ -229,7 +240,7 @@ class NeesSums:
 
 
 def fits_sums(record: Json) -> bool:
-    """Check that a record's numbers fit its sums, as `NeesSums.record` makes them."""
+    """Check that the numbers of a record of `NeesSums.record` follow from its sums."""
     sums = NeesSums(**record["sums"])
     try:
         own = sums.record()
@@ -244,7 +255,7 @@ def fits_sums(record: Json) -> bool:
 def nees_sums(
     pairs: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
-    """Return sums over N assigned pairs; NEES (N,) is NaN where the covariance is singular."""
+    """Sum over N assigned pairs; `nees` (N,) is NaN if a covariance is singular or missing."""
     known = ~np.isnan(nees)
     weight, values = pairs.weight[known], nees[known]
     order = np.lexsort((pairs.step[known], pairs.estimate[known], pairs.truth[known]))
@@ -268,9 +279,10 @@ def nees_sums(
 
 
 def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: int) -> Columns:
-    """Return mean NEES of pairs that share an index, and its band; None without a pair.
+    """Return the mean NEES, and its band, of the pairs with each `index` below `size`.
 
-    The band is that of independent errors, such as those of the tracks of one step.
+    The numbers are None for an index without a pair. The band assumes that errors are independent,
+    such as those of different tracks at one step.
     """
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
@@ -280,12 +292,15 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
 
 
 def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
-    """Return mean NEES and its band from counts of pairs and sums, NaN without a pair."""
+    """Return the mean NEES and its band; `count` has numbers of pairs, `total` sums of NEES.
+
+    The numbers are NaN if there is no pair.
+    """
     columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
     return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))
 
 
 def or_none(values: Floats) -> list[float | None]:
-    """Return plain numbers of an array, None for NaN."""
+    """Return an array as a list of numbers, with None in place of NaN."""
     return [None if value != value else value for value in values.tolist()]

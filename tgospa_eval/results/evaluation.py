@@ -1,4 +1,7 @@
-"""The numbers and tables of an evaluation, or of a sum of several. Draws and saves nothing."""
+"""Numbers and tables of an evaluation, or of several that were added up. Draws and saves nothing.
+
+A side is the truth or the estimate. Symbols (c, p) are those of docs/theory/notation.md.
+"""
 
 import math
 from abc import ABC, abstractmethod
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
 OPEN = 0.99
-"""If the relative gap is larger, the lower bound says hardly anything."""
+"""Relative gap above which the lower bound says hardly anything."""
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *records.PARTS)
@@ -40,11 +43,11 @@ DOCUMENTED = (
     *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
     *("judged", "solver", "timings", "input", "version", "files", "summary", "headline"),
 )
-"""Fields that the JSON has as they are."""
+"""Attributes that are fields of the JSON document without a change."""
 
 
 def frame_of(name: str, about: str) -> "cached_property[pd.DataFrame]":
-    """Return an attribute that makes a table as a DataFrame when it is read."""
+    """Return a cached property: the table `name` as a DataFrame. `about` is its docstring."""
 
     def made(result: Any) -> "pd.DataFrame":
         frame: pd.DataFrame = result.frame(name)
@@ -61,11 +64,11 @@ class Evaluation(ABC):
     Parameters
     ----------
     proof : Costs
-        Bounds and breakdown.
+        Proven bounds of the cost, and the cost by part and step.
     labels : Labels
-        Times and ids.
+        Times of the steps, and ids of objects and tracks.
     gap : float
-        Relative gap of the total that counts as exact.
+        Largest relative gap of the total with which the value counts as exact.
     settings : dict
         Every option that changes the number.
     solver : dict
@@ -73,7 +76,7 @@ class Evaluation(ABC):
     timings : dict
         Seconds by stage.
     input : dict
-        Rows and digest of either side.
+        Number of rows and digest of each side.
     evaluated_on : Coverage
         Steps and true objects that were evaluated.
     sizes : dict of str to int
@@ -86,32 +89,34 @@ class Evaluation(ABC):
     split : mapping of str to float, optional
         Parts of the localisation cost by name, from `SPLIT_PARTS`; they sum to the cost.
     curve_bounds : Brackets, optional
-        Costs of the steps up to each step, if requested.
+        Brackets of the cost of the steps 1 to k, for each step k, if requested.
     window_bounds : Windows, optional
-        Costs of sliding windows, if requested.
+        Brackets of the cost of each sliding window, if requested.
     warnings : tuple of Notice
         Warnings, with `code`, `text` and `remedy`.
     notices : tuple of str
         Sentences about how the sides were read, and about defaults in use.
     files : dict
-        Paths of truth and estimate as they were given; None for a side in memory.
+        Paths of truth and estimate as they were given; None for data in memory.
     with_ : dict
-        Numbers of other metrics that were requested, by metric and name.
+        Numbers of other metrics that were requested, by name of the metric and of the number.
     slicings : tuple of Slicing
         Costs and counts split by attributes, if requested.
     sums : dict
-        Sums from which other metrics of several recordings together are computed. Keys are
+        Sums that allow to compute other metrics of several recordings together. Keys are
         ``metric.name``; values of HOTA are lists with a number for each threshold.
     unjudged : Unjudged, optional
         States that were ignored, excused and absorbed, if there are any.
     nees : NeesSums, optional
         Consistency of the covariances with the errors, if the estimate has covariances.
     calibration : Calibration, optional
-        Calibration of `similarity`, if ``--similarity`` was given; outputs then show the score.
+        Parameters of the score `similarity`, if ``--similarity`` was given. Outputs then show the
+        score.
     settings_file : SettingsFile, optional
         Configuration file that set some options.
     tracked_shares : TrackedShares
-        Thresholds of mostly tracked and mostly lost in the summary.
+        Shares of its steps at which the summary counts an object as "mostly tracked" or "mostly
+        lost".
     """
 
     proof: records.Costs
@@ -148,12 +153,12 @@ class Evaluation(ABC):
 
     @property
     def messages(self) -> list[str]:
-        """Messages in addition to the number: settings file, warnings, notices."""
+        """Messages to print with the number: settings file in use, warnings, notices."""
         return [*messages_of(self.settings_file, self.warnings), *self.notices]
 
     @cached_property
     def scale(self) -> float:
-        """c^p: costs of one unit of the dimensionless problem."""
+        """c^p, the unit of costs in the solvers."""
         return self.proof.parameters.scale
 
     def _root(self, cost: float) -> float:
@@ -166,7 +171,7 @@ class Evaluation(ABC):
 
     @property
     def tgospa(self) -> float:
-        """Metric in state units, of a feasible assignment: `upper_bound` up to rounding."""
+        """Metric of the reported assignment, in state units: `upper_bound` up to rounding."""
         return self._root(self.proof.breakdown.total)
 
     @property
@@ -186,7 +191,7 @@ class Evaluation(ABC):
 
     @property
     def relative_gap(self) -> float:
-        """(upper - lower) / upper of the totals."""
+        """Relative gap of the totals, (upper - lower) / upper."""
         return self.proof.bounds.relative_gap
 
     @property
@@ -196,12 +201,16 @@ class Evaluation(ABC):
 
     @property
     def within_rounding(self) -> bool:
-        """True if the bracket is wider than requested only by rounding."""
+        """True if only rounding makes the bracket wider than requested."""
         return self.proof.bounds.within_rounding(self.gap)
 
     @property
     def finished(self) -> bool:
-        """True if the requested gap is reached, also by each step of the curve and each window."""
+        """True if the solver reached its goal.
+
+        The goal of ``"certified"`` is the requested gap, also for each step of the curve and each
+        window.
+        """
         if self.solver["name"] != "certified":
             return bool(self.solver["finished"])
         parts = (part for part in (self.curve_bounds, self.window_bounds) if part is not None)
@@ -219,17 +228,17 @@ class Evaluation(ABC):
 
     @property
     def localisation_spread(self) -> float | None:
-        """Part of localisation by differences of covariances; None as `localisation_mean`."""
+        """Part of localisation by differences of covariances; None like `localisation_mean`."""
         return (self.split or {}).get("localisation_spread")
 
     @property
     def existence_mismatch(self) -> float | None:
-        """Part of localisation by different probabilities of existence; None if not compared."""
+        """Part of localisation by different probabilities of existence; None without these."""
         return (self.split or {}).get("existence_mismatch")
 
     @property
     def expected_localisation(self) -> float | None:
-        """Part of localisation by errors of states expected to exist; None if not compared."""
+        """The other part, by errors of states that exist; None without probabilities."""
         mismatch = self.existence_mismatch
         if mismatch is None:
             return None
@@ -264,8 +273,9 @@ class Evaluation(ABC):
     def ignored(self) -> dict[str, float] | None:
         """Numbers of states that are not evaluated; None if all states are evaluated.
 
-        ``truth_states`` are ignored. ``absorbed`` estimates follow an ignored true object, and are
-        counted by their weights. ``excused`` estimates cost nothing if they are false.
+        ``truth_states`` counts ignored states of the truth. ``absorbed`` sums the weights with
+        which estimates are assigned to these. ``excused`` counts estimates that cost nothing if
+        they are false.
         """
         return None if self.unjudged is None else self.unjudged.totals
 
@@ -283,7 +293,10 @@ class Evaluation(ABC):
 
     @property
     def normalised(self) -> dict[str, float]:
-        """``(total / n) ** (1 / order)`` and its bounds; n counts steps, or states of the truth."""
+        """Values ``(total / n) ** (1 / order)`` and their bounds.
+
+        For ``tgospa``, n is the number of steps; for ``per_object``, of states of the truth.
+        """
         total, bounds, root = self.proof.breakdown.total, self.proof.bounds, self.proof.outward_root
         each = {"tgospa": self.evaluated_on.each, "per_object": self.evaluated_on.truth_states}
         values: dict[str, float] = {}
@@ -306,12 +319,12 @@ class Evaluation(ABC):
     @cached_property
     @abstractmethod
     def summarised(self) -> Summary:
-        """Summary of tracking, with columns for each track."""
+        """Summary of tracking, with its columns for the tables of objects and tracks."""
 
     @property
     @abstractmethod
     def is_unique(self) -> bool | None:
-        """True if the assignment is proven to be the only optimal one; None if unknown."""
+        """True if the assignment is proven to be the only optimal one, None if this is unknown."""
 
     @property
     def summary(self) -> records.Json:
@@ -339,7 +352,7 @@ class Evaluation(ABC):
 
     @property
     def metric(self) -> str:
-        """Member of the metric family (docs/theory/family.md)."""
+        """Name of the metric in its family (docs/theory/family.md), such as ``"quasi-tgospa"``."""
         quasi = "" if self.proof.parameters.rho == 0.5 else "quasi-"
         weighted = "time-weighted-" if "step_weights" in self.settings else ""
         masked = "" if self.unjudged is None else "masked-"
@@ -347,7 +360,7 @@ class Evaluation(ABC):
 
     @property
     def probabilistic(self) -> bool:
-        """True if objects exist with probabilities."""
+        """True if states have probabilities of existence."""
         return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
@@ -360,10 +373,10 @@ class Evaluation(ABC):
         return self.evaluated_on.record()
 
     def table(self, name: str) -> records.Columns:
-        """Return a table by the name of its DataFrame, or ``"per_class"``, as plain columns.
+        """Return a table as plain columns; a table that was not requested has no columns.
 
-        ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
-        ``"curve"``, ``"windows"``; a table that was not requested has no columns.
+        Names are ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``,
+        ``"assignments"``, ``"curve"``, ``"windows"`` and ``"per_class"``.
 
         Raises
         ------
@@ -379,10 +392,10 @@ class Evaluation(ABC):
 
     @abstractmethod
     def _of_tracks(self, name: str) -> records.Columns:
-        """Return ``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
+        """Return the table ``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
 
     def _per_step(self) -> records.Columns:
-        """Return the cost of each step by kind."""
+        """Return the table ``per_step``: the parts of the cost of each step."""
         costs = records.step_columns(self.proof.breakdown, self.scale)
         ignored = {} if self.unjudged is None else vars(self.unjudged)
         return {"t": list(self.labels.times)} | records.as_lists(costs) | records.as_lists(ignored)
@@ -390,9 +403,9 @@ class Evaluation(ABC):
     def _curve(self) -> records.Columns:
         """Return the normalised curve (docs/theory/solvers.md): no columns if it was not requested.
 
-        The row of step k is about the steps 1 to k. The metric and its bounds are
-        (cost / steps) ** (1 / order). The parts are cost / steps. Here `steps` is the number of
-        steps of the horizon up to k.
+        The row of step k is about the steps 1 to k. `steps` is the number of steps of the horizon
+        up to k. The metric and its bounds are (cost / steps) ** (1 / order). The parts are divided
+        by `steps`.
         """
         bounds = self.curve_bounds
         if bounds is None:
@@ -408,9 +421,9 @@ class Evaluation(ABC):
     def _windows(self) -> records.Columns:
         """Return the sliding windows: no columns if they were not requested.
 
-        A row has the metric of one window evaluated by itself, its bounds, and parts of its cost.
-        ``normalised`` is (cost / steps) ** (1 / order), where `steps` is the number of steps of the
-        horizon in the window.
+        A row has the metric of one window, evaluated by itself, its bounds, and the parts of its
+        cost. `steps` is the number of steps of the horizon in the window. `normalised` is
+        (cost / steps) ** (1 / order).
         """
         windows = self.window_bounds
         if windows is None:
@@ -429,7 +442,7 @@ class Evaluation(ABC):
         return table
 
     def _rooted(self, costs: Brackets, each: Floats | Ints) -> records.Columns:
-        """Return the metric of costs that are divided by `each`, and its bounds."""
+        """Divide costs by `each`, and return their metric and its bounds."""
         power = 1 / self.proof.parameters.order
         table: records.Columns = {}
         for name, cost, sign in (
@@ -447,13 +460,13 @@ class Evaluation(ABC):
         return {name: column[:count] for name, column in table.items()}, len(table["t"])
 
     def _per_class(self) -> records.Columns:
-        """Return the value and costs of each class, if evaluated separately; else no columns."""
+        """Return value and costs of each class; no columns if classes are evaluated together."""
         return {}
 
     def worst(self, count: int = 5) -> records.Columns:
         """Return the `count` costliest steps, true objects and estimates, the costliest first.
 
-        Those with cost 0 are left out.
+        Steps, objects and estimates without cost are left out.
         """
         per_step = self.table("per_step")
         answer = {"steps": records.costliest(per_step["t"], np.array(per_step["total"]), count)}
@@ -489,7 +502,7 @@ class Evaluation(ABC):
         }
 
     def _records(self) -> records.Json:
-        """Return records by step and by switch."""
+        """Return the fields of the JSON with a record for each step, and for each switch."""
         return {
             "per_step": records.records(self.table("per_step")),
             "switches": records.records(self.table("switches")),
@@ -497,7 +510,7 @@ class Evaluation(ABC):
 
     @property
     def split_parts(self) -> dict[str, float]:
-        """Parts of localisation that the distance has."""
+        """Parts of localisation by name, if the distance or the metric distinguishes any."""
         parts = {name: getattr(self, name) for name in records.SPLIT_PARTS}
         return {name: part for name, part in parts.items() if part is not None}
 
@@ -509,7 +522,8 @@ class Evaluation(ABC):
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
         ``counts.switch``, ``normalised.tgospa`` and its bounds. If the distance has such parts,
         there are ``localisation_mean`` and ``localisation_spread``. With probabilities of existence
-        there are ``expected_localisation`` and ``existence_mismatch``. Requested metrics have names
+        there are ``expected_localisation`` and ``existence_mismatch``. States that are not
+        evaluated are counted in ``ignored.truth_states`` and others. Requested metrics have names
         such as ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``.
         Defined numbers of the summary have names such as ``summary.detection_rate``.
         """
@@ -529,7 +543,7 @@ class Evaluation(ABC):
 
     @property
     def other_numbers(self) -> dict[str, float]:
-        """Numbers of other metrics."""
+        """Numbers of other metrics, by names such as ``with.hota.HOTA``."""
         return dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     def similarity(
@@ -540,10 +554,10 @@ class Evaluation(ABC):
         Parameters
         ----------
         false_targets : float
-            Number n of false targets at each step. With no other errors, n false targets at each
-            step get `score`.
+            Number n of false targets at each step. An estimate whose only errors are n false
+            targets at each step gets `score`. By default that of ``--similarity``.
         score : float
-            Score of n false targets at each step.
+            Score of such an estimate.
 
         Returns
         -------
@@ -585,12 +599,12 @@ class Evaluation(ABC):
 
     @property
     def proven(self) -> str:
-        """Precision of the value in words."""
+        """Precision of the value, in words: how near the proven bounds are."""
         if self.within_rounding:
             lower, upper = self.quantity(self.lower_bound), self.quantity(self.upper_bound)
             return f"within the rounding of the distances: proven to be between {lower} and {upper}"
         if self.certified:
-            # No more than 12 digits: the last ones are rounding and differ between machines.
+            # At most 12 digits: further ones depend on the rounding of the machine.
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
             return f"exact: proven lower and upper bound agree to {digits} digits"
         if self.relative_gap > OPEN:
@@ -599,7 +613,7 @@ class Evaluation(ABC):
 
     @property
     def claim(self) -> str:
-        """The value, or the bracket, in words."""
+        """The value if it is exact, otherwise the bracket, in words."""
         value = self.quantity(self.tgospa)
         if self.certified:
             return f"TGOSPA = {value}"
@@ -621,7 +635,7 @@ class Evaluation(ABC):
 
 
 def dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Return numbers of several groups in one dict, with a dot between the names."""
+    """Return the numbers of all groups in one dict, with the names ``group.name``."""
     return {
         f"{group}.{name}": float(x) for group, each in groups.items() for name, x in each.items()
     }

@@ -1,4 +1,4 @@
-"""Single changes of an estimate and their proven savings. Computes nothing."""
+"""Records of repairs, which are single changes of an estimate, with their proven savings."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 EXPLANATION_SCHEMA = "tgospa-eval/explanation/1"
 
 OF_THE_RESULT = ("certified", "parameters", "files", "input", "version")
-"""Fields of the result that the JSON has as they are, in addition to its values."""
+"""Attributes of the result that are fields of the JSON without a change, besides `VALUES`."""
 
 KINDS = ("merge", "exchange", "split", "drop", "trim", "fill", "extend", "shift", "offset")
 """Kinds of repairs."""
 
 EDIT = ("kind", "text", "shift", "offset", "rows")
 VALUES = ("total", "tgospa", "lower_bound", "upper_bound")
-"""Fields of the evaluation after a repair that a record has as they are."""
+"""Numbers after a repair, and of the unrepaired result, that are fields of the JSON."""
 
 NOT_ADDITIVE = "savings do not add up: apply one repair, then run explain again"
 
@@ -41,13 +41,13 @@ class Repair:
     text : str
         Description of the change, with ids and times.
     estimates : tuple of str
-        Ids of the tracks that it changes; empty if it changes all.
+        Ids of the tracks that the repair changes; empty if it changes all.
     tracks : tuple of int
-        Numbers of these tracks.
+        Indices of these tracks among the ids of the estimate.
     begin, end : int, float or str, optional
         First and last time of the change.
     shift : int
-        Steps by which the repair moves the estimate.
+        Number of steps by which the repair moves the estimate in time.
     offset : dict
         Values that the repair subtracts from each column.
     rows : Columns
@@ -59,7 +59,7 @@ class Repair:
     saving_lower, saving_upper : float
         Proven bounds of the saving, in the unit of the total.
     edit : callable
-        Function that applies the repair to the estimate, for `Explanation.repaired`.
+        Function that receives the estimate and returns it repaired, for `Explanation.repaired`.
     """
 
     kind: str
@@ -98,7 +98,7 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """Savings by repairs of the estimate, each made separately.
+    """Repairs of an estimate, each evaluated without the others.
 
     Parameters
     ----------
@@ -107,9 +107,9 @@ class Explanation:
     repairs : tuple of Repair
         Repairs, the largest proven saving first.
     candidates, tried : int
-        Number of repairs that may save something, and of those that were tried.
+        Number of repairs that could save something, and number of repairs that were tried.
     seconds : float
-        Time of the search.
+        Duration of the search.
     estimate : Trajectories
         Estimate on the evaluated steps.
     conversion : Conversion
@@ -126,7 +126,7 @@ class Explanation:
 
     @property
     def before(self) -> float:
-        """The cost without any repair."""
+        """Cost of the unrepaired estimate."""
         return self.result.total
 
     def __repr__(self) -> str:
@@ -157,7 +157,7 @@ class Explanation:
         return [repair.record(rank, total) for rank, repair in enumerate(self.repairs, 1)]
 
     def record(self) -> Json:
-        """Return the part of a JSON document for the repairs."""
+        """Return the fields of the JSON document about the repairs."""
         return {
             "repairs": self._records(),
             "candidates": self.candidates,
@@ -167,9 +167,10 @@ class Explanation:
         }
 
     def repaired(self, rank: int = 1) -> Trajectories:
-        """Return the estimate after the repair of this rank, in its own units.
+        """Return the estimate after the repair of this rank, in the units of its file.
 
-        The estimate has the evaluated rows, with the other columns that the options read.
+        It has only the rows that were evaluated. Of the other columns of the file, it has those
+        that options needed.
 
         Raises
         ------
@@ -198,5 +199,5 @@ class Explanation:
         }
 
     def to_json(self) -> str:
-        """Return the JSON document: sorted keys, no NaN, full doubles."""
+        """Return the JSON document, with sorted keys, without NaN, with full doubles."""
         return json_text(self.to_dict())

@@ -1,4 +1,4 @@
-"""Derivatives of the cost of a result by the estimate and by the parameters."""
+"""Derivatives of the cost of a result by the states of the estimate and by the parameters."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -21,27 +21,27 @@ class Gradient:
     Parameters
     ----------
     total : (R, d) float array
-        Derivative of ``total`` by each state of the estimate as it is evaluated, which is after
-        scales, conversions and interpolation, in cost per unit of the column. Rows are in order of
-        step and track. Clouds are moved as a whole.
+        Derivative of ``total`` by each of the R states of the estimate, in cost per unit of the
+        column. These are the states after scales, conversions and interpolation. Rows are in order
+        of step and track. For a cloud, it is the derivative by a shift of all its particles.
     particles : (P, d) float array, optional
-        Derivative by each particle of clouds, state by state, in the order of the file. Weights are
-        kept fixed.
+        For clouds, the derivative by each particle, state by state, in the order of the file.
+        Weights are kept fixed.
     first_particle : (R + 1,) int array, optional
         Index of the first particle of each state.
     cutoff, switch_penalty : float
-        Derivative of ``total`` by the parameters. For gamma = 0 and p = 1 it is not a number,
-        because any number of switches is best.
+        Derivative of ``total`` by this parameter. For the switch penalty 0 and order 1, the second
+        is NaN, because every number of switches is then optimal.
     root : float
         Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
     shown_unique : callable
-        Callable that returns whether the best assignment is shown to be the only one.
+        Function that returns the value of `unique`.
     step, track : (R,) int arrays
-        Step and track of each state.
+        Index of the step and of the track of each state.
     columns : tuple of str
         Names of the d state columns.
     labels : Labels
-        Times and ids.
+        Times of the steps, and ids of objects and tracks.
     """
 
     total: Floats
@@ -64,8 +64,8 @@ class Gradient:
     def unique(self) -> bool:
         """True if the prices show that the best assignment of near pairs is the only one.
 
-        If so, the derivatives are those of the metric, except at kinks of the base distance. False
-        means that uniqueness is not shown. It is computed on access.
+        Then the derivatives are those of the metric, except at kinks of the base distance. False
+        means that this is not shown. It is computed at the first access.
         """
         return self.shown_unique()
 
@@ -76,7 +76,7 @@ class Gradient:
 
     @property
     def array(self) -> Floats:
-        """Derivative of ``total`` as an array of states, (T, k, d), 0 without a state."""
+        """Derivative of ``total`` as an array (T, k, d) of T steps, k tracks; 0 without a state."""
         states = np.zeros((len(self.labels.times), len(self.labels.estimates), self.total.shape[1]))
         states[self.step, self.track] = self.total
         return states

@@ -1,4 +1,4 @@
-"""Result of an evaluation of partitioned data, with sums in memory and tables in files."""
+"""Result of an evaluation of data in parts: sums are in memory, tables in files."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,23 +24,24 @@ if TYPE_CHECKING:
 
 
 STORED_TABLES = ("per_step", "per_truth", "per_estimate", "switches", "assignments")
-"""Tables. The last one is a folder of files ``part-*.parquet``, any other a file NAME.parquet."""
+"""Names of the tables. The last is a folder of files ``part-*.parquet``, the others are files
+NAME.parquet."""
 
 IN_PARTS = "assignments"
 
 
 def name_of(table: str) -> str:
-    """Return the name of a table in its folder."""
+    """Return the name of the file or folder of a table."""
     return table if table == IN_PARTS else f"{table}.parquet"
 
 
 class StoredTables:
-    """Tables of one result.
+    """Tables of one result in files.
 
     Parameters
     ----------
     folder : str
-        Folder of the tables, which have the names of `name_of`.
+        Folder of the tables, whose names `name_of` returns.
     """
 
     def __init__(self, folder: str) -> None:
@@ -65,7 +66,7 @@ class StoredTables:
         return [path]
 
     def names(self) -> dict[str, Path]:
-        """Return all files, by their names in a folder, with slashes."""
+        """Return the path of every file, by its path relative to the folder, with slashes."""
         return {
             path.relative_to(self.folder).as_posix(): path
             for table in STORED_TABLES
@@ -78,7 +79,7 @@ class StoredTables:
             return sum(file.metadata.num_rows for file in files)
 
     def columns(self, table: str, limit: int | None = None) -> Columns:
-        """Return a table, or its first rows, as plain Python values."""
+        """Return a table, or its first `limit` rows, as plain Python values."""
         import pyarrow as pa
 
         parts: list[pa.RecordBatch] = []
@@ -100,13 +101,16 @@ class StoredTables:
         return made
 
     def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
-        """Return the rows with the highest positive sums of some columns, first of equal ones."""
+        """Return up to `count` rows with the largest positive sums of the columns `parts`.
+
+        The largest is first. Rows with equal sums keep their order in the table.
+        """
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
             for batch in _batches(files):
                 columns = [_doubles(batch[name]) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
-                # A later row replaces a known row only if it costs more than the cheapest one.
+                # A row can replace one of the best rows only if it costs more than the cheapest.
                 threshold = best[-1][0] if best and len(best) == count else 0.0
                 dear = np.flatnonzero(cost > threshold)
                 dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
@@ -117,7 +121,7 @@ class StoredTables:
 
     @contextmanager
     def _opened(self, table: str) -> "Iterator[list[pq.ParquetFile]]":
-        """Yield the list of the open files of a table.
+        """Open all files of a table, and yield their list.
 
         Raises
         ------
@@ -141,34 +145,36 @@ class StoredTables:
 
 
 def _doubles(column: "pa.DoubleArray") -> Floats:
-    """Return a column without missing values, not by functions that would import pandas."""
+    """Return a column without missing values as an array, without functions that import pandas."""
     values: Floats = np.frombuffer(column.buffers()[1], np.float64)
     return values[column.offset : column.offset + len(column)]
 
 
 def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
-    """Yield batches of rows."""
+    """Yield the rows of all files in batches."""
     return (batch for file in files for batch in file.iter_batches())
 
 
 MAX_RECORDS = 100_000
-"""Largest number of steps, or of switches, for which the JSON document has records.
+"""Largest number of steps, or of switches, that are records in the JSON document.
 
 If there are more, the document only names the table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PartitionedResult(Evaluation):
-    """One evaluation of data larger than memory, with ids in the tables instead of `labels`.
+    """Result of an evaluation of data larger than memory.
+
+    Ids are in the tables, not in `labels`.
 
     Parameters
     ----------
     tables : StoredTables
         Tables of the result.
     tracking : dict
-        Numbers of the summary that follow from sums.
+        Numbers of the summary that can be computed by sums over the parts.
     followed : (k,) float array
-        Share of followed states of each true object, NaN without a state that counts.
+        Share of followed states of each of the k true objects, NaN if no state of it counts.
     """
 
     tables: StoredTables
@@ -177,24 +183,24 @@ class PartitionedResult(Evaluation):
 
     @cached_property
     def summarised(self) -> Summary:
-        """Numbers of tracking that follow from sums; other numbers are missing."""
+        """Summary with the numbers that can be computed by sums over the parts."""
         counts = self.tracked_shares.counts(self.followed)
         return Summary(numbers={**self.tracking, **counts}, per_truth={}, per_estimate={})
 
     @property
     def is_unique(self) -> None:
-        """None, because it is unknown for data in parts."""
+        """None: for data in parts it is unknown whether the assignment is unique."""
         return None
 
     def _of_tracks(self, name: str) -> Columns:
         return self.tables.columns(name)
 
     def first_switches(self, count: int) -> tuple[Columns, int]:
-        """Return the first rows of the table of switches, at most `count`, and their number."""
+        """Return the first `count` rows of the table of switches, and the number of all rows."""
         return self.tables.columns("switches", count), self.tables.rows("switches")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
-        """Return rows of the costliest objects, for ``"missed"``, or estimates, for ``"false"``."""
+        """Return rows of the costliest true objects (``"missed"``) or estimates (``"false"``)."""
         table = "per_truth" if kind == "missed" else "per_estimate"
         return self.tables.costliest(table, ("localisation", kind, "switch"), count)
 
@@ -206,7 +212,7 @@ class PartitionedResult(Evaluation):
         return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
-        """Return names of the tables in the result folder, and the short records."""
+        """Return the names of the tables in the result folder, and records of short tables."""
         fields: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
         if len(self.labels.times) <= MAX_RECORDS:
             fields["per_step"] = records(self.table("per_step"))

@@ -1,6 +1,7 @@
-"""Plain records of a result: tables, labels, costs, scores, both sides and their proof.
+"""Plain records of a result: tables, labels, costs, scores, the compared data and their proof.
 
-This module depends on neither solvers nor files.
+A side is the truth or the estimate. Symbols (c, p) are those of docs/theory/notation.md. This
+module depends on neither solvers nor files.
 """
 
 import math
@@ -27,13 +28,13 @@ CountedPart: TypeAlias = Literal["missed", "false", "switch"]
 
 COUNTED_PARTS: tuple[CountedPart, ...] = ("missed", "false", "switch")
 PARTS: tuple[Part, ...] = ("localisation", *COUNTED_PARTS)
-"""Parts of the cost in the order of every output; all except the first have a count."""
+"""Parts of the cost, in the order of all outputs; all except the first have a count."""
 
 Json: TypeAlias = dict[str, Any]
 """JSON object of plain Python values."""
 
 Columns: TypeAlias = dict[str, list[Any]]
-"""Columns by name, all of one length, of plain Python values."""
+"""Columns by name: lists of plain Python values, all of one length."""
 
 Time: TypeAlias = int | float | str
 """Time of a step as it was read."""
@@ -41,14 +42,14 @@ Time: TypeAlias = int | float | str
 
 @dataclass(frozen=True, kw_only=True)
 class Labels:
-    """Names of the numbered steps and tracks.
+    """Times of the steps, and ids of true objects and estimates, in the order of their indices.
 
     Parameters
     ----------
     times : list of int, float or str
-        Each step as it was read.
+        Time of each step as it was read.
     truths, estimates : list of str
-        Ids of the tracks.
+        Ids of the true objects and of the estimates.
     unit : str, optional
         Unit of states and distances.
     """
@@ -68,9 +69,9 @@ class Costs:
     parameters : Parameters
         Cutoff, order, switch penalty.
     bounds : Bounds
-        Bracket of the cost.
+        Proven bounds of the cost, in units of c^p.
     breakdown : Breakdown
-        Cost of a feasible assignment by step.
+        Parts of the cost of a feasible assignment by step, in units of c^p.
     """
 
     parameters: Parameters
@@ -78,12 +79,12 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Return the relative error of the p-th root; it is not 0, because 1/p is not a double."""
+        """Return a bound of the relative error of the p-th root by the rounding of 1/p."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
     def outward_root(self, cost: float, sign: int) -> float:
-        """Return the metric of a cost in units of c^p, rounded down (-1) or up (1)."""
+        """Return the metric of a cost (in units of c^p), rounded down (`sign` -1) or up (1)."""
         return outward(self.parameters.root(cost), sign, float(self.root_error(cost)))
 
     @property
@@ -93,10 +94,10 @@ class Costs:
         return outward(scale * bounds.lower, -1), outward(scale * bounds.upper, 1)
 
     def numbers(self, gap: float, steps: int) -> dict[str, Any]:
-        """Return the main numbers of a row: value, bounds, cost, parts and counts.
+        """Return the main numbers of a row of a table: value, bounds, cost, parts and counts.
 
-        A value is exact if its relative gap is at most `gap`. `steps` normalises the value per
-        step.
+        `gap` is the largest relative gap of an exact value. `steps` is the number of steps for the
+        normalised value.
         """
         root, scale, split = self.parameters.root, self.parameters.scale, self.breakdown
         lower, upper = self.total_bounds
@@ -116,22 +117,24 @@ class Costs:
 
 
 OtherMetrics = Mapping[str, Mapping[str, float]]
+"""Numbers of other metrics, by name of the metric and of the number."""
+
 MetricSums = Mapping[str, float | list[float]]
-"""Numbers of other metrics by metric and name, with the similarity of the metrics."""
+"""Sums from which other metrics of several recordings are computed, see `Evaluation.sums`."""
 
 
 def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
-    """Return the record of the file of a side.
+    """Return the record of one input file in the JSON.
 
     Parameters
     ----------
     file : dict
-        Record with ``rows``, ``format`` and ``left_out``. The last has the numbers of rows that are
-        left out, by rule or option.
+        Record of the reader with ``rows``, ``left_out`` and perhaps ``format``. ``left_out`` has
+        the numbers of rows that were left out, by rule or option.
     sha256 : str
-        Digest of the rows that take part.
+        Digest of the rows that are evaluated.
     off : mapping of str to int
-        Numbers of rows at steps that do not count, by option.
+        Numbers of rows that are left out because their steps do not count, by option.
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
     record = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
@@ -139,17 +142,20 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
 
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
-"""Columns by name, all of one length, as arrays."""
+"""Columns by name: arrays, all of one length."""
 
 
 def step_columns(split: Breakdown, scale: float) -> Arrays:
-    """Return the cost of each step by kind, and its sum; `scale` is c^p."""
+    """Return the parts and the sum of the cost of each step; `scale` is c^p."""
     columns = {name: scale * getattr(split, name) for name in PARTS}
     return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
 
 
 def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
-    """Return costs of each true object (side 0) or estimate (side 1); `steps` are their lengths."""
+    """Return the costs of each true object (`side` 0) or estimate (1).
+
+    `steps` are their numbers of states, and `scale` is c^p.
+    """
     kind = ("missed", "false")[side]
     return {
         "steps": steps,
@@ -162,7 +168,7 @@ def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arra
 
 
 def as_lists(columns: Arrays) -> Columns:
-    """Return columns as plain Python values."""
+    """Return arrays as lists of plain Python values."""
     return {name: column.tolist() for name, column in columns.items()}
 
 
@@ -174,20 +180,21 @@ def json_text(document: Mapping[str, object]) -> str:
 
 
 def records(table: Columns) -> list[Json]:
-    """Return the rows of a table."""
+    """Return the rows of a table as dicts."""
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
 # -------------------------------------------------------------------------------------------------
-# A score from 0 to 1 of an evaluation, with bounds that are rounded outward.
+# Similarity: a score from 0 to 1 of an evaluation, with bounds that are rounded outward. With the
+# value v per step and a scale beta, it is 2 e^(-v / beta) / (1 + e^(-v / beta)).
 
 DEFAULT_SCORE = 0.1
-"""Score of the false targets of the calibration, as in the authors' scripts."""
+"""Default of `Calibration.score`, as in the scripts of the authors of the metric."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Scale of a similarity score, given by the score of n false targets at each step.
+    """Choice of the scale of the similarity: n false targets at each step get a given score.
 
     Parameters
     ----------
@@ -214,19 +221,19 @@ class Calibration:
             object.__setattr__(self, name, value)
 
     def beta(self, parameters: Parameters) -> float:
-        """Return the scale of the metric, in its unit."""
+        """Return the scale beta of the score, in the unit of the metric."""
         false = parameters.root(parameters.rho * self.false_targets)
         return false / math.log((2 - self.score) / self.score)
 
     def of(self, value: float, parameters: Parameters) -> float:
-        """Return the score of a value per step."""
+        """Return the score of a value of the metric per step."""
         small = math.exp(-value / self.beta(parameters))
         return 2 * small / (1 + small)
 
     def similarity(
         self, value: float, bounds: tuple[float, float], parameters: Parameters
     ) -> "Similarity":
-        """Return the score of a value per step, and its bounds."""
+        """Return the score of a value per step with its bounds, from the bounds of this value."""
         beta = self.beta(parameters)
         ends = []
         for bound, sign in zip(bounds, (1, -1), strict=True):  # a larger value has a smaller score
@@ -244,7 +251,7 @@ class Calibration:
 
 @dataclass(frozen=True, kw_only=True)
 class Similarity:
-    """Score of an evaluation.
+    """Similarity score of an evaluation.
 
     Parameters
     ----------
@@ -255,7 +262,7 @@ class Similarity:
     beta : float
         Scale of the score, in the unit of the metric.
     false_targets, score_of_false_targets : float
-        Calibration: number of false targets at each step, and their score.
+        Parameters of the scale, see `Calibration`.
     """
 
     score: float
@@ -273,11 +280,11 @@ SPLIT_PARTS = (
     *(MEAN, SPREAD),
     *("expected_localisation", "existence_mismatch"),
 )
-"""Parts of the localisation cost that the distance or the metric distinguishes."""
+"""Parts of the localisation cost; which of them exist depends on distance and metric."""
 
 
 def members_in_words(settings: Mapping[str, Any]) -> str:
-    """Return the options other than c, p and gamma that choose the member of the family."""
+    """Return the options besides c, p and gamma that choose the variant of the metric, in words."""
     words = ["weighted steps"] * ("step_weights" in settings)
     words += ["probabilities of existence (experimental)"] * ("existence" in settings)
     words += [f"not judged: {text}" for text in settings.get("ignore", ())]
@@ -285,9 +292,9 @@ def members_in_words(settings: Mapping[str, Any]) -> str:
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:
-    """Move a value down (-1) or up (1) by more than the error of a power and products.
+    """Round a value down (`sign` -1) or up (1), by more than its error.
 
-    `error` is an additional relative error.
+    The error is that of a power and some products, plus the relative error `error`.
     """
     if not value:
         return 0.0
@@ -295,39 +302,39 @@ def outward(value: float, sign: int, error: float = 0.0) -> float:
 
 
 def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
-    """Return the names of the highest positive costs; the first names of equal costs."""
+    """Return up to `count` names with the largest positive costs; of equal costs, the first."""
     order = np.argsort(-cost, kind="stable")[:count]
     return [names[k] for k in order if cost[k] > 0]
 
 
 # -------------------------------------------------------------------------------------------------
-# The two sides as they were compared, and their proof.
+# Truth and estimate as they were compared, and the proof of their value.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedSides:
-    """Two sides as they were compared: without rows left out, on one grid, with joined times.
+    """Both sides as they were compared: on one grid, without the rows that were left out.
 
     Parameters
     ----------
     timestamps : (T,) int or float array
-        Times of the steps, as numbers.
+        Times of the T steps, as numbers.
     labels : Labels
-        Names of steps and tracks.
+        Times as they were read, and ids.
     settings : mapping of str to object
         Every option that changes the number.
     columns : tuple of str
         Names of the d state columns.
     truth, estimate : (R, d) float arrays
-        States before the distance prepared them, sorted by step and track like the rows of the
-        problem.
+        States, without the preparation by the distance. They are sorted by step and track, like
+        the rows of the problem.
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
-        Lower triangles of the covariances of these states, or second moments of clouds. They are
-        used for NEES and pictures.
+        Lower triangles of the covariances of these states, or of clouds. They are used for NEES and
+        pictures.
     truth_clouds, estimate_clouds : Clouds, optional
         Particles of the states.
     reports : ClockReports, optional
-        Reports on a common clock, to which the rows of the estimate belong.
+        Reports behind the rows of the estimate, if it is on a common clock.
     """
 
     timestamps: NDArray[Any]
@@ -345,20 +352,20 @@ class ComparedSides:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairProof(Costs):
-    """Costs that `certify` proved, with the problem of the proof.
+    """Costs that `certify` proved, with all that the proof needs.
 
     Parameters
     ----------
     states : States
-        The reduced problem.
+        The reduced problem, with S states and K slots.
     weights : (S,) int array
-        Feasible assignment.
+        Feasible assignment: the weight of each state.
     prices : (K,) float array
-        Prices of the lower bound.
+        Price of each slot, which proves the lower bound.
     reduced : tuple of Reduced
         Blocks whose lower bound comes from a smaller cutoff.
     compared : ComparedSides
-        Sides as they were compared, with the names of numbered steps and tracks.
+        Both sides as they were compared, with their times and ids.
     """
 
     states: States

@@ -36,41 +36,43 @@ from tgospa_eval.results.slices import OLDER_NUMBERS
 from tgospa_eval.results.summary import SUMMARY
 
 # -------------------------------------------------------------------------------------------------
-# The only check of stored numbers, for saved results, rows of stores and baselines.
+# Check that stored numbers fit each other, in saved results, stores of batches and baselines.
 #
-# Names are those of the document of a result, with a dot between levels. A rule is skipped if any
-# of its numbers is missing. Tolerances allow for the rounding of sums and roots.
+# A rule says that a number must fit others, such as a total its parts. Names of numbers are those
+# in the JSON of a result, with a dot between levels. A rule is skipped if one of its numbers is
+# missing. Tolerances allow for the rounding of sums and roots.
 
 AGREE, ADD_UP = 1e-9, 1e-6
-"""Relative tolerance of equal values; relative tolerance of sums."""
+"""Relative tolerances: of numbers that must be equal, and of sums."""
 
 TINY = 1e-300
-"""Cost below which numbers lose digits."""
+"""Absolute tolerance of costs, because doubles below it have fewer digits."""
 
 MAX_SWITCH_PRICE = 2e100
-"""Largest cost of a switch in units of c^p."""
+"""Largest cost of a switch in the rules, in units of c^p; higher costs count as this."""
 
 SPLITS = (SPLIT_PARTS[:2], SPLIT_PARTS[2:])
-"""Groups of parts of localisation that sum to it."""
+"""Two groups of parts of localisation; each sums to localisation."""
 
 UNLIKE_COUNTS = ("step_weights", "existence")
-"""Parameters that, if set, make costs differ from multiples of counts."""
+"""Parameters with which costs are not multiples of counts."""
 
 Rule = tuple[str, Mask, Floats, str]
-"""Name of the tested number, mask where it is right, the other number, and a text about it."""
+"""Name of the tested number, mask of the rows in which it is right, the number that it must fit,
+and words that introduce this number in a message."""
 
 
 def contradiction(
     values: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
 ) -> str | None:
-    """Describe the first number that contradicts another one; None if all fit.
+    """Describe the first number that breaks a rule; None if all numbers fit.
 
     Parameters
     ----------
     values : mapping of str to float
         Finite numbers by name.
     parameters : mapping, optional
-        Parameters of the metric, in the form of a result.
+        Parameters of the metric, as in the JSON of a result.
     """
     parameters = parameters or {}
     names = ("cutoff", "order", "switch_penalty", "rho", "gap")
@@ -81,14 +83,14 @@ def contradiction(
 
 
 def contradictions(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[tuple[int, str]]:
-    """Yield the first row that breaks each rule, with a description.
+    """Yield, for each rule that is broken, the index of the first wrong row and a description.
 
     Parameters
     ----------
     table : mapping of str to (N,) float arrays
         Finite numbers by name, with ``cutoff``, ``order`` and ``switch_penalty``.
     is_plain : (N,) bool array
-        Mask of the rows in which costs are multiples of counts.
+        Mask of the N rows in which costs are multiples of counts.
     """
     with np.errstate(all="ignore"):
         for name, right, other, words in _rules(table, is_plain):
@@ -113,14 +115,14 @@ def _close(
     words: str,
     tolerance: Floats | float = ADD_UP,
 ) -> Rule:
-    """Return the rule that a finite number equals another one, up to a relative tolerance."""
+    """Return the rule that the number `name` equals `other`, up to a relative tolerance."""
     own = table[name]
     right = np.abs(own - other) <= tolerance * own + TINY
     return name, right, other, words
 
 
 def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Yield rules for the bounds, the value between them, and its power, the total."""
+    """Yield rules for the bounds, for the value between them, and for the total, its power."""
     order = table["order"]
     rounding = AGREE * order
     for lower, value, upper in (
@@ -148,7 +150,7 @@ def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
 
 
 def _of_parts(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Yield rules for parts of the total and of localisation, NaN for missing parts."""
+    """Yield rules for the parts of the total and of localisation; missing parts are NaN."""
     for name, parts in (("total", PARTS), *(("localisation", split) for split in SPLITS)):
         if all(part in table for part in parts):
             made = np.sum([table[part] for part in parts], axis=0)
@@ -165,13 +167,13 @@ def _of_steps(table: Mapping[str, Floats]) -> Iterator[Rule]:
     if "judged.steps" in table:
         order, each = table["order"], table["total"] / np.maximum(table["judged.steps"], 1)
         name = "normalised.tgospa"
-        # Powers keep their digits where roots are small.
+        # Costs are compared, not their roots, because TINY is a tolerance of costs.
         _, right, _, _ = _close({name: table[name] ** order}, name, each, "", ADD_UP * order)
         yield name, right, each ** (1 / order), "total and judged.steps make it"
 
 
 def _of_counts(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[Rule]:
-    """Yield rules for the counts of misses, false targets and switches."""
+    """Yield rules for the counts of missed targets, false targets and switches."""
     scale = table["cutoff"] ** table["order"]
     rho = table.get("rho", np.full(len(scale), 0.5))
     switch = np.minimum(table["switch_penalty"] ** table["order"], MAX_SWITCH_PRICE * scale)
@@ -186,7 +188,7 @@ def _of_counts(table: Mapping[str, Floats], is_plain: Mask) -> Iterator[Rule]:
 ROLES = ("truth", "estimate")
 
 ACCURACY = ("solver", "gap", "epsilon", "time_limit")
-"""Parameters that change the bracket but not the metric, so they may differ between runs."""
+"""Parameters that change the bracket but not the metric. Runs are allowed to differ in them."""
 
 NEUTRAL = ("unit", "decimal")
 """Parameters that change neither bracket nor metric, but only files and output."""
@@ -195,27 +197,27 @@ LARGEST_RESULT = 1 << 32
 """Largest accepted size of a saved result in bytes."""
 
 RESULT_FILE = "result.json"
-"""Name of the result in a folder of ``-o``."""
+"""Name of the file of the result in the folder that ``-o`` names."""
 
 FAMILY = RESULT_SCHEMA.rpartition("/")[0] + "/"
 MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json prints"
 
 
 def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return the settings that change the number."""
+    """Return the parameters that change the metric, without `ACCURACY` and `NEUTRAL`."""
     return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
 
 
 OF_THE_ESTIMATE = (
     *("estimate_crs", "estimate_scale", "time_offset", "time_scale", "unit_scale", "period"),
 )
-"""Parameters of the conversion of an estimate, which may differ between estimates."""
+"""Parameters that convert an estimate. Estimates are allowed to differ in them."""
 
 
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the name and both JSON values of each parameter of the metric that differs."""
+    """Yield each parameter of the metric that differs: its name, and both values as JSON."""
 
     def shown(parameters: Mapping[str, object], name: str) -> str:
         there = name in parameters
@@ -227,12 +229,15 @@ def unlike(
 
 
 def saved_result(path: str) -> str | None:
-    """Return the JSON path of a result, given its path or its folder; None without a result."""
+    """Return the path of the JSON file of a result; None if there is no result.
+
+    `path` is the file or its folder.
+    """
     if os.path.isdir(path):
         path = os.path.join(path, RESULT_FILE)
-    if not os.path.isfile(path):  # a pipe can be read only once
+    if not os.path.isfile(path):  # a pipe cannot be read twice
         return None
-    with suppress(OSError), open(path, "rb") as file:  # the reader reports faults
+    with suppress(OSError), open(path, "rb") as file:  # `read_result` reports such errors
         begin = file.read(64)
         is_object = begin.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{"
         if is_object and f'"{FAMILY}'.encode() in begin + file.read():
@@ -247,7 +252,7 @@ EVALUATED_ON: dict[str, FieldKind] = {
     "truth_steps": COUNT,
     "truth_sha256": TEXT,
 }
-"""Description of the data on which values are evaluated."""
+"""Schema of the record ``judged``: the data on which values are evaluated."""
 
 PARAMETERS: dict[str, Any] = {
     "cutoff": POSITIVE,
@@ -258,7 +263,7 @@ PARAMETERS: dict[str, Any] = {
     "rho": Maybe(COST),
     **{name: Maybe(COST) for name in ("gap", "epsilon", "time_limit")},
 }
-"""Description of the parameters that are read; other parameters are compared unread."""
+"""Schema of the parameters whose values are used. Others are only compared with each other."""
 
 NOTICE = Closed({"code": TEXT, "text": TEXT, "remedy": TEXT})
 
@@ -279,7 +284,7 @@ SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYT
 
 
 def _is_summary(value: Any) -> bool:
-    """Check that a value is a record of numbers, flags, limits, nulls or such records."""
+    """Check a value of the summary: number, flag, null, list of numbers, or dict of these."""
     if isinstance(value, dict):
         return all(map(_is_summary, value.values()))
     if value is None or isinstance(value, bool):
@@ -310,16 +315,17 @@ RESULT = {
     SUMMARY: Maybe(SUMMARY_RECORD),
     "with": Maybe({...: {...: NUMBER}}),
 }
-"""Description of the fields of a result that are read; `by_class` has the same by class."""
+"""Schema of the fields of a result that are used; ``by_class`` has these fields for each class."""
 
 
 def read_result(path: str) -> Json:
-    """Return the document of a saved result.
+    """Return the JSON document of a saved result.
 
     Raises
     ------
     InputError
-        The file is not a result, or was changed by hand.
+        The file is not a result, was changed by hand, or has no numbers by step because data in
+        parts had too many steps.
     """
     document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, size=LARGEST_RESULT)
     if "per_step" not in document and "tables" in document:
@@ -334,7 +340,7 @@ def read_result(path: str) -> Json:
 
 
 def result_fault(document: Json) -> str | None:
-    """Describe the first field of a result that is missing, wrong or contradictory, or None."""
+    """Describe the first missing, wrong or contradictory field of a result; None if all fit."""
     wrong = fault(document, RESULT) or fault(document, {"by_class": Maybe({...: RESULT})})
     if wrong:
         return wrong
@@ -359,12 +365,12 @@ def result_fault(document: Json) -> str | None:
 
 
 def added(values: Iterable[float]) -> float:
-    """Return the sum, which may be infinite."""
+    """Sum floats; unlike `math.fsum`, a sum that overflows is infinite."""
     return sum(map(float, values))
 
 
 def slices_fault(slicings: Iterable[Json], whole: Mapping[Any, Any]) -> str | None:
-    """Describe the first part of the cost that is not the sum of its slices, or return None."""
+    """Describe the first part of the cost that is not the sum over its slices; None if all are."""
     for number, one in enumerate(slicings):
         for part in PARTS:
             total = added(row[part] for row in one["slices"])

@@ -1,4 +1,4 @@
-"""Records and sums of costs and counts that are split by attributes of truth and estimate."""
+"""Costs and counts split into slices by attributes of truth and estimate, and their sums."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,13 +13,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CROSSED = " * "
-"""Text between two crossed attributes, in names of slices and on the command line."""
+"""Text between two attributes, or their values, if an evaluation is split by both."""
 
 NO_VALUE, NO_ATTRIBUTE, UNNAMED = "(missing)", "(none)", "(others)"
-"""Names of slices: of rows without a value, of sides without the attribute, of unnamed texts."""
+"""Names of slices: of states without a value, of states of a file without the attribute, and of all
+texts that the user did not name."""
 
 UNDER, BEYOND_LAST, AND_MORE = "below ", "above ", " and more"
-"""Parts of the names of slices beyond the given edges."""
+"""Words in the names of slices below the first edge or above the last edge."""
 
 BETWEEN_EDGES = " to "
 
@@ -37,11 +38,11 @@ class Slice:
     missed_count, false_count, switch_count : float
         Numbers of missed and false object-steps, and of switches.
     truth_steps, estimate_steps : float
-        Number of states of truth and of estimate in the slice; sums of shares if the attribute is
-        a weight.
+        Numbers of states of truth and of estimate in the slice. Some attributes split a state
+        between slices; its share is then added.
     assigned_steps, squared_error : float
-        Assigned states of the truth in the slice, and the sum of their squared errors; NaN in older
-        results.
+        Number of assigned states of the truth in the slice, and the sum of their squared errors;
+        NaN in results of older versions.
     """
 
     name: str
@@ -59,7 +60,7 @@ class Slice:
 
     @property
     def detection_rate(self) -> float | None:
-        """Share of the truth's states that are assigned, as in the summary."""
+        """Share of the states of the truth that are assigned, as in the summary."""
         return _ratio(self.assigned_steps, self.truth_steps)
 
     @property
@@ -86,10 +87,10 @@ SLICE_NUMBERS = tuple(field.name for field in fields(Slice))[1:]
 """Names of the numbers of a slice, without the total."""
 
 OLDER_NUMBERS = SLICE_NUMBERS[:-2]
-"""Names of the numbers that older results have as well."""
+"""Names of the numbers that results of older versions have, too."""
 
 RATIOS = ("detection_rate", "rmse")
-"""Names of derived numbers: a rate needs a state of the truth, an RMSE an assigned state."""
+"""Names of numbers that are ratios of other numbers; None if the divisor is 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,11 +100,11 @@ class Slicing:
     Parameters
     ----------
     by : str
-        The attributes, as requested.
+        The attribute, or both, as requested.
     slices : tuple of Slice
         Slices in the order of their ranges or values.
     unique : bool
-        Whether the best assignment, and so the split, is proven to be the only one.
+        Whether the best assignment is proven to be the only one; then the split is unique, too.
     """
 
     by: str
@@ -120,7 +121,7 @@ class Slicing:
         return f"Slicing({self.by!r}, total={self.total:.6g}; {costs})"
 
     def table(self) -> Columns:
-        """Return a row for each slice."""
+        """Return a table with a row for each slice."""
         names = ("total", *SLICE_NUMBERS)
         return {"slice": [part.name for part in self.slices]} | {
             name: [_known(getattr(part, name)) for part in self.slices] for name in names + RATIOS
@@ -134,12 +135,12 @@ class Slicing:
         return pd.DataFrame(self.table())
 
     def record(self) -> Json:
-        """Return the slices as a record in the document of a result."""
+        """Return the slices as a record for the JSON of a result."""
         return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
     def of(cls, record: Json) -> "Slicing":
-        """Return the slices of a record made by `record`."""
+        """Restore the slices from a record of `record`."""
         slices = [
             Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS if name in row})
             for row in record["slices"]
@@ -148,9 +149,9 @@ class Slicing:
 
 
 def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
-    """Yield the sums of several split evaluations, by attribute; some may lack an attribute.
+    """Add the slices of several evaluations, and yield the sums for each attribute.
 
-    Slices with the same name are added.
+    Slices with the same name are added. Not all evaluations need to be split by all attributes.
     """
     by_key: dict[str, list[Slicing]] = {}
     for group in groups:
@@ -173,7 +174,7 @@ def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:
-    """Return all slices in one table; the first column names the attribute."""
+    """Return the slices by all attributes in one table; its first column names the attribute."""
     tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
         (one.by, one.table()) for one in slicings
     ]
@@ -184,7 +185,7 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Return names of slices in order: numbers by value, unnamed slices at the end."""
+    """Sort names of slices: ranges and numbers by value, then texts, then special names."""
     return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 

@@ -1,4 +1,4 @@
-"""Summary of an evaluation, with common tracking numbers."""
+"""Summary of an evaluation: common numbers about tracking."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -13,10 +13,10 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import Columns, Json
 
 Quantity: TypeAlias = Callable[[float], str]
-"""Format of a number with the unit of the states."""
+"""Function that formats a number with its unit."""
 
 SUMMARY = "summary"
-"""Name of the record, and first part of the names of its numbers in rows and rules."""
+"""Name of the record. In tables and rules, names of its numbers begin with it and a dot."""
 
 NUMBERS = (
     *("assigned_states", "truth_states", "estimate_states", "detection_rate", "precision"),
@@ -30,36 +30,36 @@ NUMBERS = (
     *("siap.completeness", "siap.ambiguity", "siap.spuriousness", "siap.positional_accuracy"),
     *("siap.velocity_accuracy", "siap.track_number_change_rate", "siap.longest_track_segment"),
 )
-"""Names of all numbers except those of each axis, ``rmse_by_axis.NAME``."""
+"""Names of all numbers, except the RMSE of each state column, ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Numbers that are shares; the largest value is best."""
+"""Names of the numbers that are shares, of which the largest value is best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Numbers whose smallest value is best."""
+"""Names of the numbers of which the smallest value is best."""
 
 POOLED = {
     "detection_rate": "truth_states",
     "precision": "estimate_states",
     **dict.fromkeys(("rmse", "mean_error"), "assigned_states"),
 }
-"""Numbers that are means over states, with the name of the number of these states."""
+"""Numbers that are means over states, each with the name of the count of these states."""
 
 
 def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
-    """Return the numbers of several evaluations together, by their names with dots.
+    """Return the numbers of n evaluations together.
 
-    Rates, RMSE and the mean error are those of all states. Any other number is the mean over
-    the evaluations in which it is defined.
+    The numbers of `POOLED` are computed over the states of all evaluations. Any other number is the
+    mean over the evaluations in which it is defined.
 
     Parameters
     ----------
     columns : mapping of str to array, shape (n,)
-        Values of each number, NaN where it is undefined.
+        Values of each number by its name, such as ``summary.rmse``; NaN where it is undefined.
     """
     pools: dict[str, float] = {}
     for name, values in columns.items():
@@ -76,34 +76,35 @@ def pooled(columns: Mapping[str, Floats]) -> dict[str, float]:
 
 
 def names_summary(path: str) -> bool:
-    """Return whether a path names a number of the summary."""
+    """Return whether a name such as ``summary.rmse`` is that of a number of the summary."""
     head, _, name = path.partition(".")
     return head == SUMMARY and (name in NUMBERS or name.startswith("rmse_by_axis."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedShares:
-    """Limits of the followed share, for mostly tracked and mostly lost objects.
+    """Limits between "mostly lost", "partly tracked" and "mostly tracked" objects.
+
+    The followed share of an object is the share of its steps at which it is followed.
 
     Parameters
     ----------
     lost : float
         An object is mostly lost if its followed share is smaller.
     tracked : float
-        An object is mostly tracked if its followed share is at least this, 0 <= lost <= tracked
-        <= 1.
+        An object is mostly tracked if its followed share is at least this.
 
     Raises
     ------
     ConfigError
-        The shares are out of order or out of their range.
+        The limits are not 0 <= lost <= tracked <= 1.
     """
 
     lost: float = 0.2
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """Count mostly tracked, partly tracked and mostly lost objects, from shares (k,) or NaN."""
+        """Count the objects between the limits by their followed shares (k,), without NaN."""
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -122,7 +123,7 @@ class TrackedShares:
 
     @classmethod
     def parse(cls, text: str) -> "TrackedShares":
-        """Return the limits of a text such as ``"0.2:0.8"``."""
+        """Parse the two limits in a text such as ``"0.2:0.8"``."""
         try:
             lost, tracked = map(float, text.split(":"))
         except ValueError:
@@ -137,9 +138,9 @@ class Summary:
     Parameters
     ----------
     numbers : dict
-        Numbers as in the JSON document, None where undefined.
+        Numbers by name as in the JSON document; None for an undefined number.
     per_truth, per_estimate : dict of str to (k,) array
-        Columns of the tracks, NaN where a number is undefined.
+        Columns with a number for each object or for each track; NaN where it is undefined.
     """
 
     numbers: Json
@@ -147,7 +148,7 @@ class Summary:
     per_estimate: Mapping[str, Floats | Ints]
 
     def columns(self, table: str) -> Columns:
-        """Return columns of the table ``per_truth`` or ``per_estimate``, None without a number."""
+        """Return the columns of the table ``per_truth`` or ``per_estimate``; None if undefined."""
         columns: Mapping[str, Floats | Ints] = getattr(self, table)
         return {
             name: [value if math.isfinite(value) else None for value in values.tolist()]
@@ -156,7 +157,7 @@ class Summary:
 
 
 def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[str, float]]:
-    """Yield the defined numbers of a summary, by names with dots."""
+    """Yield the defined numbers of a summary with their names, such as ``summary.rmse``."""
     for name, value in numbers.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{before}.{name}")
@@ -165,7 +166,7 @@ def flat(numbers: Mapping[str, Any], before: str = SUMMARY) -> Iterator[tuple[st
 
 
 def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity: Quantity) -> str:
-    """Return the most important numbers in one line; `quantity` formats a length."""
+    """Return the most important numbers in one line; `quantity` formats an error."""
     states, rate = numbers["truth_states"], numbers["detection_rate"]
     parts = [f"{percent(rate)} of {counted(states, 'object-step')} followed"] if states else []
     if numbers["rmse"] is not None:
@@ -176,10 +177,10 @@ def headline(numbers: Mapping[str, Any], switches: float, false: float, quantity
 
 
 def percent(share: float | None) -> str:
-    """Return the share in percent; only full shares give 100 %, and only 0 gives 0 %."""
+    """Format a share in percent; only 1 becomes 100 %, and only 0 becomes 0 %."""
     if share is None:
         return "-"
-    share = round(share, 12)  # sums of weights have rounding errors
+    share = round(share, 12)  # removes rounding errors of sums of weights
     for digits in range(1, 13):
         text = f"{100 * share:.{digits}f}"
         if 0 < float(text) < 100 or share in (0, 1):
@@ -190,9 +191,10 @@ def percent(share: float | None) -> str:
 def rows(
     numbers: Mapping[str, Any], quantity: Quantity, place: Quantity, time: Quantity
 ) -> Iterator[tuple[str, str]]:
-    """Yield lines of the summary, a name and its numbers; lines without numbers are left out.
+    """Return the lines of the summary as pairs: a name, and numbers in words.
 
-    `quantity` formats errors by the base distance, `place` errors of positions, `time` times.
+    Lines without numbers are left out. `quantity` formats errors by the base distance, `place`
+    errors of positions, and `time` durations.
     """
 
     def words(*parts: tuple[str, float | None, Callable[[float], str]]) -> str:
@@ -279,7 +281,7 @@ def rows(
 
 
 def finite(numbers: Mapping[str, Any]) -> Json:
-    """Return the numbers, with None for numbers that overflowed."""
+    """Replace numbers that are not finite by None, in nested dicts, too."""
     return {
         name: finite(value)
         if isinstance(value, Mapping)
@@ -291,12 +293,12 @@ def finite(numbers: Mapping[str, Any]) -> Json:
 
 
 def ratio(value: float, by: float) -> float | None:
-    """Return the ratio, or None for 0 / 0."""
+    """Return the ratio, or None if the divisor is 0."""
     return value / by if by else None
 
 
 def mean(values: Floats) -> float | None:
-    """Return the mean of the values that are not NaN, or None without any."""
+    """Return the mean of the values that are not NaN, or None if all are NaN."""
     known = values[values == values]
     return float(known.mean()) if len(known) else None
 

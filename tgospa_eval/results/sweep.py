@@ -1,4 +1,4 @@
-"""Result of a sweep of a parameter, with a row of plain numbers for each value."""
+"""Result of a sweep: an evaluation for each of several values of one parameter."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -14,7 +14,7 @@ SWEEP_SCHEMA = "tgospa-eval/sweep/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One evaluation of a sweep, with fields as in a `Result`.
+    """Numbers of one evaluation of a sweep.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Point:
     tgospa, lower_bound, total : float
         The metric (a proven upper bound), a proven lower bound, and the total ``tgospa ** order``.
     relative_gap : float
-        (upper - lower) / upper of the totals.
+        Relative gap of the totals, (upper - lower) / upper.
     certified : bool
         Whether the value is exact.
     normalised : float
@@ -67,8 +67,8 @@ class SweepEvaluation:
     points : tuple of Point
         Points in the order of their values.
     settings, sizes, input, timings : dict
-        Records as in a `Result`: options without the swept parameter, numbers of trajectories and
-        steps, rows and digests, seconds by stage.
+        Records as in a `Result`. In this order: options without the swept parameter, numbers of
+        trajectories and steps, rows and digests of both files, and seconds by stage.
     version : str
         Version of the package that computed the sweep.
     warnings : tuple of Notice
@@ -96,7 +96,7 @@ class SweepEvaluation:
 
     @property
     def messages(self) -> list[str]:
-        """Messages in addition to the numbers: settings file and warnings."""
+        """Messages to print with the numbers: settings file in use, and warnings."""
         return messages_of(self.settings_file, self.warnings)
 
     @property
@@ -106,7 +106,7 @@ class SweepEvaluation:
 
     @property
     def unit(self) -> str | None:
-        """Unit of the swept parameter."""
+        """Unit of the swept parameter, or None if it has no unit or the unit is unknown."""
         unit = self.settings["unit"]
         return None if unit is None or self.parameter in ("order", "rho") else str(unit)
 
@@ -117,9 +117,10 @@ class SweepEvaluation:
         return {self.parameter: table.pop("value"), **table}
 
     def unchanged(self, *counts: str) -> tuple[int, int] | None:
-        """Return the first and last point of the longest range with constant counts.
+        """Return the indices of the first and last point of the longest range with equal counts.
 
-        None means that neighbouring points always differ. Nothing is proven between the points.
+        `counts` are the names of the compared fields. None means that neighbouring points always
+        differ. Nothing is proven between the points.
         """
         same = [
             all(abs(getattr(a, name) - getattr(b, name)) < 1e-6 for name in counts)
@@ -169,7 +170,7 @@ class SweepEvaluation:
 
 
 def _nested(point: Point) -> Json:
-    """Return a point with the names of the JSON of a result."""
+    """Return the numbers of a point in the form of the JSON of a result."""
     names = asdict(point)
     counts = {name: names.pop(f"{name}_count") for name in ("missed", "false", "switch")}
     solver = {name: names.pop(name) for name in ("status", "finished")}

@@ -1,1 +1,1 @@
-"""Trajectories, their states, and the common steps of both sides."""
+"""Trajectories, their states, and the common steps of truth and estimate."""

@@ -1,9 +1,12 @@
 """Alignment of truth and estimate (the two sides) on one time grid.
 
 Rules decide which timestamps of the sides are one step, and which steps count. This module is
-independent of files and of the metric. On a common clock each report, a row of the estimate, holds
-for the period of the tracker. The report is compared with the truth at its own time, and the clock
-only samples which reports hold. No states are added to the reports (docs/how-to/time.md).
+independent of files and of the metric.
+
+A common clock (`resample`) has regular steps. A row of the estimate is then called a report. It is
+valid ("holds") for the period of the tracker, and so at all steps of the clock in this time. At
+each of these steps it is compared with the truth at the time of the report, not of the step. So
+reports are never interpolated (docs/how-to/time.md).
 """
 
 import math
@@ -40,13 +43,14 @@ class TimeMatching:
         truth and one of the estimate are one step if they differ by at most the tolerance, and each
         is the nearest to the other. Decimals that differ only by rounding are always one step.
     grid : {"union", "truth", "estimate", "common"}
-        Steps that count. ``"union"`` means steps of any side, ``"common"`` steps of both sides, and
-        the other two mean steps of that side.
+        Steps that count: those of any side (``"union"``), of both sides (``"common"``), or of the
+        named side.
     interpolate : {"estimate", "truth"}, optional
         Side that is interpolated at the timestamps of the other side, see `tracks.interpolation`.
     max_gap : float, str, or pair of these, optional
-        Longest time between two states of a track to interpolate across. With `resample` a second
-        value is allowed: the longest time between consecutive reports of a track in one run.
+        Longest time between two states of a track for which states between them are interpolated.
+        With `resample` a second value is allowed: consecutive reports of a track that are farther
+        apart belong to different runs, see `tracks.interpolation.hold`.
     resample : float or str, optional
         Spacing of a common clock. Its multiples from the first to the last timestamp of the truth
         are the steps. The truth is interpolated at the steps. Reports of the estimate hold for
@@ -54,11 +58,12 @@ class TimeMatching:
     period : float or str, optional
         Period of the reports of the estimate; by default the median interval within tracks.
     steps : Steps, optional
-        Declared steps: the only ones that count. Rows at other times are left out.
+        Steps that the user declared. Only these count. Rows at other times are left out.
     outage : float, str, or "none", optional
-        Shortest outage, if times of the estimate decide which steps count. If no estimate is near
-        a true object for longer than this, the timestamps of the truth in that time are also steps.
-        By default five times the median time between states of the estimate near a true object.
+        A time is an outage if it is longer than this, and no estimate is near a true object in it.
+        The timestamps of the truth in an outage are also steps. This matters only if times of the
+        estimate decide which steps count. By default it is five times the median time between
+        states of the estimate near a true object. ``"none"`` means that outages add no steps.
 
     Raises
     ------
@@ -148,7 +153,7 @@ class TimeMatching:
             raise ConfigError(f"{self.decided} says which steps count; leave {option('grid')} out")
 
     def check_units(self, clock: str) -> None:
-        """Check that no duration has a unit if times are plain numbers.
+        """Check that durations have no unit if the timestamps are plain numbers.
 
         Raises
         ------
@@ -171,19 +176,19 @@ class TimeMatching:
 
     @property
     def of_estimate(self) -> bool:
-        """True if times of the estimate decide which steps count, except for its outages."""
+        """True if times of the estimate decide which steps count (outages add further steps)."""
         if self.interpolate == "truth":
             return True
         return self.grid in ("estimate", "common") and not self.decided
 
     @property
     def run(self) -> Duration | None:
-        """Longest time between two reports in one run, if given."""
+        """Longest time between consecutive reports of one run, if given."""
         return self.gaps[1] if len(self.gaps) > 1 else None
 
     @property
     def decided(self) -> str:
-        """Option that sets the steps independently of the timestamps; blank if there is none."""
+        """Name of the option in use that sets the steps without the timestamps, or a blank."""
         if self.steps is not None:
             return option("steps")
         return option("resample") if self.resample is not None else ""
@@ -195,7 +200,7 @@ class TimeMatching:
 
     @property
     def on_own_times(self) -> "TimeMatching":
-        """Rules for sides whose states are already at the steps."""
+        """Rules without interpolation, for sides whose states are already at the steps."""
         return TimeMatching(tolerance=self.tolerance, grid=self.grid)
 
     @property
@@ -213,7 +218,7 @@ class TimeMatching:
 
 
 def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
-    """Return the longest gaps, of the truth and perhaps of the estimate.
+    """Parse one longest gap, or two: the first for the truth, the second for the estimate.
 
     Raises
     ------
@@ -240,9 +245,9 @@ class Alignment:
     truth, estimate : Trajectories
         Both sides with the same times; a joined step has the timestamp of the truth.
     union : int
-        Number of steps of any side, including steps that do not count.
+        Number of steps at which any side has a timestamp, including steps that do not count.
     common : int
-        Number of steps of both sides, including steps that do not count.
+        Number of steps at which both sides have a timestamp, including steps that do not count.
     joined : int
         Number of pairs of different timestamps that became one step.
     farthest : float
@@ -250,7 +255,8 @@ class Alignment:
     left_out : pair of int
         Numbers of rows of the truth and of the estimate at steps that do not count.
     reports : ClockReports, optional
-        Report of each row of the estimate; distances are computed at the timestamp of the report.
+        Reports behind the rows of the estimate, if it is on a common clock. Distances are then
+        computed at the timestamps of the reports.
     """
 
     truth: Trajectories
@@ -272,7 +278,8 @@ def align(
 ) -> Alignment:
     """Put both sides on one grid; `names` are for messages.
 
-    `outage_times` are timestamps of the truth in outages of the estimate, which always count.
+    `outage_times` are the timestamps of the truth during outages of the estimate. These steps
+    always count.
 
     Raises
     ------
@@ -313,7 +320,7 @@ def align(
         counted = counted | np.isin(times, outage_times)
 
     def on_steps(side: Trajectories, at: Ints) -> Trajectories:
-        """Return the side on the times that count."""
+        """Return the rows of the side at steps that count; `at` has the step of each timestamp."""
         step = at[side.step] if len(at) else side.step
         if counted.all():
             return replace(side, step=step, times=times, clock=clock, labels=labels)
@@ -335,13 +342,12 @@ def align(
 
 
 def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
-    """Return pairs of times of which each is the nearest to the other; in a tie, the earlier.
+    """Return all pairs of times that are nearest to each other; in a tie, the earlier is nearest.
 
-    The result has the positions in `first`, those in `second`, both increasing, and the
-    differences, uint64 or float. Both sides must have times. Pairs do not cross, as the nearest
-    timestamp does not decrease from one timestamp to the next. So each timestamp is in one pair at
-    most. Between two paired timestamps there is no other timestamp of either side, as it would be
-    nearer.
+    The result has three arrays with an entry for each pair: the index in `first`, the index in
+    `second`, and the absolute difference (uint64 or float). `first` and `second` must not be empty.
+    Each time is in at most one pair, and both indices increase. No other time is between the two
+    times of a pair, because it would be nearer.
     """
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
@@ -350,9 +356,10 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
 
 
 def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
-    """Return the times of `mine`, replaced by those of `theirs` within the tolerance.
+    """Replace times of `mine` by their nearest times of `theirs`, if within the tolerance.
 
-    Also return which of the pairs of `nearest` were replaced.
+    Only the pairs of `nearest` are considered. Return the new times, and a mask of the pairs with
+    a replaced time.
     """
     first, second, difference = nearest(mine, theirs)
     close = (difference > 0) & within(difference, tolerance, (mine, theirs), clock)
@@ -364,12 +371,12 @@ def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple
 def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Return whether differences of times are within the tolerance.
 
-    Reading a decimal rounds it by up to half a spacing of doubles. So a difference may exceed the
-    tolerance by one spacing.
+    A decimal in a file is rounded to a double, by up to half the distance between two neighbouring
+    doubles. So the difference of two decimals is allowed to exceed the tolerance by this distance.
     """
     if difference.dtype.kind == "u":
         bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
-        # The bound is rounded first, as 0.29 s times 1e9 is less than 290,000,000 ns.
+        # Rounded before floor: in doubles 0.29 s times 1e9 is less than 290,000,000 ns.
         return np.asarray(difference <= min(math.floor(round(bound, 1)), 2**64 - 1))
     return np.asarray(difference <= tolerance + _spacing(*sides))
 
@@ -377,12 +384,14 @@ def within(difference: Times, tolerance: float, sides: tuple[Times, Times], cloc
 def comparable(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Times, Times]:
-    """Return the times of both sides if exactly comparable; `names` are for messages.
+    """Return the times of both sides, which must be exactly comparable.
+
+    `names` are for messages.
 
     Raises
     ------
     InputError
-        The kinds of time differ, or large integers would be compared with decimals.
+        The kinds of time differ, or integers beyond 2^53 would be compared with decimals.
     """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "give both as ISO times or dates, or both as numbers, such as Unix seconds"
@@ -414,17 +423,17 @@ def comparable(
 
 
 def _nearest(own: Times, other: Times) -> Ints:
-    """Return for each time the position of the nearest other time; in a tie, the earlier."""
+    """Return, for each time of `own`, the index of the nearest of `other`; in a tie the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
     left, right = time_differences(own, other[before]), time_differences(own, other[after])
-    if left.dtype.kind == "f":  # differences of decimals may be equal except for rounding
+    if left.dtype.kind == "f":  # rounding of decimals must not break a tie
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
 def time_differences(a: Times, b: Times) -> Times:
-    """Return absolute differences; for integers as uint64, which holds all of them."""
+    """Return absolute differences; of integers as uint64, in which every difference fits."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
     with np.errstate(over="ignore"):  # an overflow to inf is right
@@ -438,41 +447,41 @@ def _spacing(*sides: Times) -> float:
 
 
 def _union(first: Times, second: Times) -> Times:
-    """Return the distinct values in order; np.union1d imports numpy.ma, which is slow."""
-    both = np.sort(np.concatenate((first, second)), kind="stable")  # this merges sorted runs
+    """Return the distinct values in order, without np.union1d, whose import is slow."""
+    both = np.sort(np.concatenate((first, second)), kind="stable")  # fast for two sorted parts
     fresh = np.ones(len(both), bool)
     np.not_equal(both[1:], both[:-1], out=fresh[1:])
     return both[fresh]
 
 
 ROWS_TOGETHER = 1 << 20
-"""Number of rows of the truth that are interpolated at a time."""
+"""Largest number of rows of the truth that `ClockReports.blocks` interpolates at a time."""
 
 Sides = tuple[Trajectories, Trajectories]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClockReports:
-    """Reports of an estimate on a common clock, with the report of each row.
+    """Reports of an estimate on a common clock: which report holds in which row.
 
     Parameters
     ----------
     estimate : Trajectories
-        Estimate as it was read.
+        Estimate as it was read; its rows are the reports.
     row : (R,) int array
-        Row of `estimate` for each row on the clock.
+        Index of the report, for each of the R rows of the estimate on the clock.
     truths : (n,) object array
-        Ids of all true objects.
+        Ids of all n true objects.
     truth_at : callable
-        Callable that receives a side and returns the truth at the timestamps of the side.
+        Function that receives trajectories, and returns the truth at their timestamps.
     period : float
         Time for which a report holds, in seconds or the unit of the timestamps.
     declared : bool
         Whether the user declared the period.
     source : str
-        Source of the period, if it was not declared.
+        Origin of the period in words, if it was not declared.
     single : int
-        Number of reports that are not in a run with another report of their track.
+        Number of runs that have a single report.
     """
 
     estimate: Trajectories
@@ -489,16 +498,19 @@ class ClockReports:
         return {name: k for k, name in enumerate(self.truths.tolist())}
 
     def number(self, side: Trajectories) -> Ints:
-        """Return the numbers of the true objects of a side among all true objects."""
+        """Return the index in `truths` of each id of trajectories of the truth."""
         return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
 
     def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:
-        """Yield truth and reports at some times of the reports, and the rows of the reports.
+        """Yield truth and reports at the times of the reports, in blocks of consecutive times.
+
+        A block has the truth and the reports as two sides, and the indices of its reports.
 
         Parameters
         ----------
         rows : int array, optional
-            Rows of the needed reports, in order; by default all that hold at a step of the clock.
+            Increasing indices of the needed reports; by default all that hold at a step of the
+            clock.
         """
         rows = np.unique(self.row) if rows is None else rows
         steps, at = np.unique(self.estimate.step[rows], return_inverse=True)
@@ -512,19 +524,21 @@ class ClockReports:
             yield (self.truth_at(reports), reports), rows[some]
 
     def on_clock(self, pairs: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
-        """Convert pairs of true objects and reports to pairs of rows on the clock where both exist.
+        """Convert pairs of true object and report to pairs of rows on the clock.
+
+        A pair becomes a pair of rows at each step at which the report holds and the object exists.
 
         Parameters
         ----------
         pairs : tuple of (N,) arrays
-            Number of the true object, row of the report, and distance.
+            Index of the true object in `truths`, index of the report, and distance.
         sides : pair of Trajectories
             Both sides on the clock.
 
         Returns
         -------
         tuple of arrays
-            Rows of truth and estimate, in order, and distances.
+            Row of the truth, row of the estimate, and distance, sorted by both rows.
         """
         truth, estimate = sides
         track, report, distance = pairs
@@ -542,14 +556,16 @@ class ClockReports:
         return row[there][order], estimate_row, distance[pair]
 
     def located(self, names: np.ndarray, rows: Ints) -> Sides:
-        """Return pairs of true objects and rows as two sides, at the times of the reports.
+        """Return pairs of a true object and a report as two sides with one step for each pair.
+
+        The state of the object is the one at the time of the report. Times count from 0.
 
         Parameters
         ----------
         names : (N,) object array
-            Ids of the true objects.
+            Id of the true object of each pair.
         rows : (N,) int array
-            Rows of the estimate on the clock.
+            Row of the estimate on the clock of each pair.
         """
         report = self.row[rows]
         track = np.array([self._numbers[name] for name in names.tolist()], np.int64)
@@ -578,7 +594,7 @@ class ClockReports:
 
 
 def find_rows(side: Trajectories, step: Ints, track: Ints) -> tuple[Ints, Mask]:
-    """Find the rows of a side by step and track, and whether they exist; track -1 means none."""
+    """Find the row of each step and track, and a mask of existing rows; track -1 has no row."""
     if not len(side.step):
         return np.zeros(len(step), np.int64), np.zeros(len(step), bool)
     size = len(side.ids)

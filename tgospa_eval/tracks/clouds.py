@@ -18,20 +18,22 @@ Cloud = tuple[Floats, Floats]
 Changed = TypeVar("Changed")
 
 LARGEST_COORDINATE = 1e150
-"""Largest coordinate of a particle, for which squares are doubles."""
+"""Largest coordinate of a particle; its square still fits in a double."""
 
 UNEVEN_SUM = 1e-3
-"""Difference of a sum of weights from 1 above which normalising them is reported."""
+"""If a sum of weights differs from 1 by more, a message says that they were normalised."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
-    """Return whether sums of weights are 1 up to rounding; such weights are kept as given."""
+    """Return a mask of sums of weights that are 1 up to rounding: these are not normalised."""
     return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clouds:
-    """Clouds of particles, one for each row of a table, one after another without padding.
+    """Clouds of particles, one for each of the R rows of a table.
+
+    The particles of all clouds are in one array, one cloud after another.
 
     Parameters
     ----------
@@ -40,8 +42,7 @@ class Clouds:
     weights : (P,) float array
         Weights >= 0, which sum to 1 in each cloud up to rounding.
     first : (R + 1,) int array
-        Position of the first particle of each of the R clouds, and P at the end. Every cloud has
-        particles.
+        Index of the first particle of each cloud, and P at the end. No cloud is empty.
 
     Raises
     ------
@@ -90,7 +91,7 @@ class Clouds:
         return np.diff(self.first)
 
     def sums(self, values: Floats) -> Floats:
-        """Return the sums (R, ...) over each cloud of values of the particles (P, ...)."""
+        """Sum values of the particles (P, ...) over each cloud, to (R, ...)."""
         if not len(self):
             return np.zeros((0, *values.shape[1:]))
         return np.asarray(np.add.reduceat(values, self.first[:-1]))
@@ -104,7 +105,7 @@ class Clouds:
 
     @cached_property
     def covariances(self) -> Floats:
-        """Weighted covariances (R, d, d), with the divisor 1."""
+        """Weighted covariances (R, d, d), without a correction of the bias."""
         difference = self.points - np.repeat(self.means, self.counts, axis=0)
         size = difference.shape[1]
         matrices = np.empty((len(self), size, size))
@@ -151,7 +152,10 @@ class Clouds:
         jobs: int | None,
         passed: Callable[[Iterator[Changed]], Iterator[Cloud]],
     ) -> "Clouds":
-        """Apply a function to each cloud, in some threads; `passed` receives results in order."""
+        """Apply `change` to each cloud, in `jobs` threads.
+
+        `passed` turns the results, in the order of the clouds, into the new clouds.
+        """
         clouds = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
         return joined(list(passed(clouds)), self)
 

@@ -1,7 +1,7 @@
 """Durations as text, and timestamps and states in other units, independent of files.
 
-Timestamps are converted as decimals, so that 100.5 ms and 0.1005 s are the same double. Whole
-numbers stay exact.
+A side is the truth or the estimate. Timestamps are converted as decimals, so that 100.5 ms and
+0.1005 s are the same double. Whole numbers stay exact.
 """
 
 import math
@@ -23,7 +23,7 @@ SECOND = 1_000_000_000
 """Nanoseconds of a second; ISO times are stored in nanoseconds."""
 
 EARLIEST, LATEST = 10**8, 4 * 10**9
-"""Range of numbers that may be guessed to be seconds since 1970: 1973 to 2096."""
+"""Numbers in this range could be seconds since 1970: the years 1973 to 2096."""
 
 TIME_UNITS = {
     "ns": 1,
@@ -86,12 +86,14 @@ class Duration(float):
         return made
 
     def check(self, clock: str, name: str, remedy: str = "give a number in their unit") -> None:
-        """Check that times of this kind have a known unit, if the duration has a unit.
+        """Check that a duration with a unit is not for timestamps that are plain numbers.
+
+        `clock` is the kind of the timestamps; `name` and `remedy` are for the message.
 
         Raises
         ------
         ConfigError
-            The times are plain numbers, whose unit is unknown.
+            The duration has a unit, but the unit of the timestamps is unknown.
         """
         if self.unit and clock == "number":
             raise ConfigError(
@@ -114,7 +116,8 @@ class Steps:
     first, last : int or float
         First and last step, as timestamps: numbers, or nanoseconds since 1970.
     every : Duration, optional
-        Time between two steps. By default it is 1 if both ends are integers and not ISO times.
+        Time between two steps. Only if both ends are integers, and not ISO times, it has a
+        default: 1.
     clock : {"number", "local", "zoned"}
         Kind of the timestamps.
     text : str
@@ -128,12 +131,13 @@ class Steps:
     text: str
 
     def ticks(self) -> TimeArray:
-        """Return the steps (K,), computed as exact decimals.
+        """Return the K steps (K,), computed as exact decimals.
 
         Raises
         ------
         ConfigError
-            The distance of the steps is not given, or there are too many steps.
+            `every` is missing, 0, or has a unit that the timestamps lack, or there are too many
+            steps.
         """
         whole = isinstance(self.first, int) and isinstance(self.last, int)
         every = self.every
@@ -149,7 +153,9 @@ class Steps:
 
 
 def signed_seconds(given: object, name: str) -> float:
-    """Parse a number or a text such as ``-500ms`` to seconds, or to the unit of numeric times.
+    """Parse a number or a text such as ``-500ms``, to seconds if it has a unit.
+
+    A number without a unit is returned as it is.
 
     Raises
     ------
@@ -164,12 +170,12 @@ def signed_seconds(given: object, name: str) -> float:
 
 
 def multiples(first: int | float, last: int | float, every: Duration, clock: str) -> TimeArray:
-    """Return the multiples of a duration from one time to another, ends included.
+    """Return the multiples of a duration from `first` to `last`, ends included.
 
     Raises
     ------
     ConfigError
-        There are too many multiples.
+        There are too many multiples, or the duration is 0 or has a unit that the timestamps lack.
     """
     every.check(clock, option("resample"))
     return stretch(first, last, every, clock, option("resample", every.text), aligned=True)
@@ -184,9 +190,10 @@ def stretch(
     *,
     aligned: bool = False,
 ) -> TimeArray:
-    """Return times from `first` to `last`, `every` apart; if `aligned`, multiples of `every`.
+    """Return the times from `first` to `last` in steps of `every`.
 
-    Times are decimals counted in integers, so that the third multiple of 0.1 is 0.3.
+    With `aligned` they are the multiples of `every` in this range. Times are computed as integers
+    and divided at the end, so that the third multiple of 0.1 is 0.3.
     """
     if clock != "number":
         begin, end, step, scale = int(first), int(last), every.nanoseconds, 1
@@ -207,27 +214,27 @@ def stretch(
     ticks = [begin + k * step for k in range(count)]
     if scale == 1 and all(-(2**63) <= x < 2**63 for x in ticks[:1] + ticks[-1:]):
         return np.array(ticks, np.int64)
-    return np.array([x / scale for x in ticks], float)  # the only rounding
+    return np.array([x / scale for x in ticks], float)  # nothing before is rounded
 
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
-"""Number of digits, more than a timestamp, a factor and an offset have together."""
+"""Digits of intermediate results; timestamp, factor and offset have fewer together."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Conversion:
-    """Conversion of the times and states of one side to those that are compared.
+    """Conversion of the times and states of one side to the units in which sides are compared.
 
     Parameters
     ----------
     time_offset : float
-        Offset that is added to the scaled timestamps; in seconds for ISO times.
+        Offset that is added to the timestamps after `time_scale`; in seconds for ISO times.
     time_scale : float
-        Factor > 0 of the timestamps; ISO times cannot be scaled.
+        Factor > 0 by which timestamps are multiplied; 1 for ISO times.
     unit_scale : float
-        Factor > 0 of lengths: all state columns except `angles`, with their covariances and
-        particles.
+        Factor > 0 by which lengths are multiplied: all state columns except `angles`. Covariances
+        and particles are scaled accordingly.
     angles : tuple of str
         State columns that are not lengths.
     scale : tuple of (str, float)
@@ -258,7 +265,7 @@ class Conversion:
             object.__setattr__(self, name, value + 0.0)
 
     def recorded_of(self, role: str) -> dict[str, object]:
-        """Return the settings that change a truth or an estimate, by their JSON names."""
+        """Return the settings that are not neutral, by their JSON names for this role of a side."""
         neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
         values = {name: getattr(self, name) for name in neutral}
         record: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
@@ -313,7 +320,7 @@ class Conversion:
         return converted, None
 
     def _times_undone(self, side: Trajectories) -> Trajectories:
-        """Convert times back to doubles that convert to the same times again, if possible."""
+        """Undo the conversion of times; converting again gives the same times, if possible."""
         if self.time_offset == 0 and self.time_scale == 1:
             return side
         if side.clock != "number":
@@ -346,7 +353,8 @@ class Conversion:
     def undone(self, side: Trajectories) -> Trajectories:
         """Convert a side back to its own units, as exactly as doubles allow.
 
-        The result converts to the same side again, except for columns that became subnormal.
+        Converting the result again gives the same side, except for state columns whose values
+        became subnormal doubles.
         """
         before = self._times_undone(side)
         factors = self.factors(side.columns)
@@ -400,7 +408,7 @@ class Conversion:
         )
 
     def __call__(self, side: Trajectories, name: str) -> Trajectories:
-        """Convert a side to the other units; `name` is for messages."""
+        """Convert times and states of a side; `name` is for messages."""
         times, labels = self.times(side.times, side.clock, side.labels, name)
         moved = side if times is side.times else replace(side, times=times, labels=labels)
         factors = self.factors(side.columns)
@@ -432,7 +440,7 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
 
 
 def _divided(values: Floats, factors: Floats) -> Floats:
-    """Divide by factors; prefer a double near the quotient whose product is the value again."""
+    """Divide by factors; if a neighbour of the quotient gives the value again, prefer this one."""
     ratio = values / factors
     for toward in (-np.inf, np.inf):
         other = np.nextafter(ratio, toward)
@@ -441,7 +449,7 @@ def _divided(values: Floats, factors: Floats) -> Floats:
 
 
 def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:
-    """Scale covariances, as lower triangles (R, d (d + 1) / 2), with the factors of the states."""
+    """Scale covariances (lower triangles, (R, d (d + 1) / 2)) by the factors of the states."""
     row, column = np.tril_indices(len(factors))
     with np.errstate(over="ignore"):
         squares = factors[row] * factors[column]
@@ -453,7 +461,7 @@ def _beyond(name: str) -> str:
 
 
 def iso(nanoseconds: int, clock: str) -> str:
-    """Format a time as ISO-8601, in UTC if it has a zone, with as many digits as it needs."""
+    """Format a time as ISO-8601, with Z if it has a zone, with as many digits as it needs."""
     seconds, rest = divmod(nanoseconds, SECOND)
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
     fraction = f".{rest:09d}".rstrip("0") if rest else ""

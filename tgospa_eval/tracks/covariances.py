@@ -1,8 +1,8 @@
-"""Covariances as packed lower triangles: factors, checks, and nearest positive semi-definite ones.
+"""Covariances as packed lower triangles: factors, checks, and corrections.
 
 A covariance (d, d) is stored as its lower triangle row by row, d (d + 1) / 2 numbers: xx, xy, yy.
-Arrays in this module are ordered by component, (d (d + 1) / 2, R). The module is independent of
-files and of the metric.
+In this module, R covariances are an array (d (d + 1) / 2, R). The module is independent of files
+and of the metric.
 """
 
 import math
@@ -19,19 +19,21 @@ from tgospa_eval.quoting import option
 MACHINE_EPSILON = 2.0**-52
 
 ROUNDED_EIGENVALUE = 1e-13
-"""A negative least eigenvalue up to this share of the largest eigenvalue is rounding."""
+"""A negative eigenvalue of at most this share of the largest eigenvalue counts as rounding."""
 
-CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # includes decimals that are exactly a thousandth
-"""Up to this share, the matrix counts as a covariance that was written with few digits."""
+CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # a thousandth itself is included despite rounding
+"""A negative eigenvalue of at most this share of the largest one counts as a lack of digits in the
+file: the matrix is corrected, with a warning."""
 
 LARGEST_VARIANCE = 1e150
-"""Largest variance, for which products of two variances are doubles."""
+"""Largest entry of a covariance; the product of two entries still fits in a double."""
 
 ASYMMETRY = 1e-6 * (1 + 1e-9)
-"""Relative difference of two symmetric entries up to which their mean is used."""
+"""Largest relative difference between the entries xy and yx; their mean is used."""
 
 ILL = 1e-4
-"""If other components leave less than this share of a variance, matrices of d >= 3 need pivots."""
+"""Matrices of d >= 3 are factored with pivots if earlier components leave less than this share of
+a variance."""
 
 MATRICES_TOGETHER = 1 << 13
 """Number of matrices that are factored with pivots at a time."""
@@ -62,10 +64,11 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 def factor(packed: Floats) -> Floats:
     """Return packed lower factors L of covariances C = L L', which may be singular.
 
-    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards.
-    ``L_jj^2`` is 0 if it may be rounding alone. ``|L_ij|`` is at most the root of the remainder of
-    C_ii. If little is left of a variance, the difference is computed exactly for d = 2, and with
-    pivots and more digits for d >= 3 (docs/theory/gaussian.md, "Equations").
+    The equations are ``L_jj^2 = C_jj - sum L_jk^2`` and ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``,
+    with sums over k < j. There are two guards: ``L_jj^2`` is set to 0 if it could be only rounding,
+    and ``L_ij^2`` is limited to the remainder ``C_ii - sum L_ik^2``. Differences of nearly equal
+    numbers are computed with exact products for d = 2, and with pivots and more digits for d >= 3
+    (docs/theory/gaussian.md, "Equations").
     """
     d = size_of(len(packed))
     if d == 1:
@@ -81,13 +84,13 @@ def factor(packed: Floats) -> Floats:
 
 
 def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return ``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
+    """Return the factor of [[a, b], [b, c]]: ``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
     factors = np.zeros((3, len(a)))
     a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
     np.sqrt(a, out=factors[0])
     bound = np.sqrt(c)
     left = c.copy()
-    # For covariances up to rounding, an overflow is clipped or gives a number below 0.
+    # An overflow of b / sqrt(a) is clipped. One of the remainder is negative, and becomes 0.
     with np.errstate(over="ignore"):
         np.divide(b, factors[0], out=factors[1], where=a > 0)
         np.clip(factors[1], -bound, bound, out=factors[1])
@@ -97,16 +100,16 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return ``a c - b b`` with exact products, by Dekker's splitting."""
+    """Return ``a c - b b`` from exact products, which Dekker's splitting gives."""
     first, second = a * c, b * b
     return (first - second) + (_rest(a, c, first) - _rest(b, b, second))
 
 
 def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
-    """Return ``a b - product`` for the rounded product."""
+    """Return the rounding error ``a b - product`` of a rounded product."""
     a_high, b_high = (
         (134217729.0 * x) - (134217729.0 * x - x)
-        for x in (a, b)  # 2^27 + 1
+        for x in (a, b)  # times 2^27 + 1
     )
     a_low, b_low = a - a_high, b - b_high
     exact: Floats = a_low * b_low - (product - a_high * b_high - a_low * b_high - a_high * b_low)
@@ -114,7 +117,10 @@ def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
 
 
 def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
-    """Return factors, and the least share of a variance that earlier components leave."""
+    """Factor without pivots; also return the smallest share of a variance that is left.
+
+    For each component this is the share that earlier components leave, see `ILL`.
+    """
     d = size_of(len(packed))
     at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
     factors = np.zeros_like(packed)
@@ -141,9 +147,10 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
 def _factor_pivoted(packed: Floats) -> Floats:
     """Factor matrices that are singular or nearly singular.
 
-    Correlations are factored in extended precision, if the machine has it, and the largest
-    remainder is the next pivot. So rounding of an entry is not enlarged, and does not add a rank. A
-    rotation makes the factor lower triangular, with the rounding of each row unchanged.
+    Correlations are factored in extended precision, if the machine has it. The next pivot is always
+    the component with the largest remainder, so that rounding errors do not grow and do not raise
+    the rank. Then a rotation makes the factor lower triangular; it does not enlarge the errors of a
+    row.
     """
     d = size_of(len(packed))
     matrices = unpack(packed).astype(np.longdouble)
@@ -161,11 +168,11 @@ def _factor_pivoted(packed: Floats) -> Floats:
         root = np.sqrt(np.where(positive, size, 1))
         known = (factors[:, :, :k] * factors[row, pivot, None, :k]).sum(axis=2)
         entry = (matrices[row, :, pivot] - known) / root[:, None]
-        bound = np.sqrt(np.maximum(left, 0))  # 0 for components that were pivots
+        bound = np.sqrt(np.maximum(left, 0))  # 0 if the component was a pivot
         entry = np.where(positive[:, None], np.clip(entry, -bound, bound), 0)
         factors[:, :, k] = entry
         left -= entry * entry
-        left[row, pivot] = -1  # not a pivot again
+        left[row, pivot] = -1  # never a pivot again
     columns = (factors * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
     upper = np.asarray(np.linalg.qr(columns, mode="r"))
     upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
@@ -173,16 +180,15 @@ def _factor_pivoted(packed: Floats) -> Floats:
 
 
 def project(packed: Floats) -> tuple[Floats, Floats]:
-    """Return ``V max(E, 0) V'`` of ``C = V E V'``, the nearest matrix without negative eigenvalues.
+    """Replace negative eigenvalues of symmetric matrices by 0, which gives the nearest covariances.
 
     Returns
     -------
     packed : (d (d + 1) / 2, R) float array
-        Matrices that are covariances up to rounding are unchanged; in others negative eigenvalues
-        are replaced by 0.
+        The covariances. A matrix whose negative eigenvalues are only rounding is unchanged.
     ratio : (R,) float array
-        Least eigenvalue divided by the largest, if the least one is negative beyond rounding;
-        otherwise 0. It is -inf if no eigenvalue is positive.
+        For changed matrices the smallest eigenvalue divided by the largest, or -inf if no
+        eigenvalue is positive; 0 for unchanged matrices.
     """
     d = size_of(len(packed))
     ratio = np.zeros(packed.shape[1])
@@ -221,15 +227,16 @@ def accept(
     packed : (d (d + 1) / 2, R) float array
         Finite matrices.
     where : callable
-        Callable that returns the place of a matrix, for messages.
+        Function that receives the index of a matrix, and returns its name for messages.
     fix : bool
-        Whether to replace an invalid matrix by the nearest positive semi-definite matrix.
+        Whether to replace an invalid matrix by the nearest positive semi-definite matrix instead of
+        raising an error.
 
     Raises
     ------
     InputError
-        A variance is negative or too large, or a matrix has a negative eigenvalue that is more
-        than a thousandth of the largest.
+        An entry is too large. Without `fix` also: a variance is negative, or a matrix has a
+        negative eigenvalue of more than a thousandth of the largest.
     """
     d = size_of(len(packed))
     diagonal = packed[[i * (i + 3) // 2 for i in range(d)]]
@@ -284,10 +291,10 @@ def accept(
 
 
 def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, Ints]:
-    """Return the mean of two symmetric entries, and where they differ by more than rounding.
+    """Return the mean of the entries xy and yx of matrices, and the indices of unsymmetric ones.
 
-    Entries may differ by a millionth, or by rounding of the `scale`, the root of the product of the
-    two variances.
+    Entries of a symmetric matrix differ by at most a millionth, or by at most 1e-12 times `scale`,
+    the root of the product of the two variances.
     """
     difference = np.abs(entry - mirrored)
     largest = np.maximum(np.abs(entry), np.abs(mirrored))
@@ -298,7 +305,7 @@ def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, I
 def from_matrices(
     matrices: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """Accept matrices (R, d, d) as `accept` does, and refuse matrices that are not symmetric."""
+    """Pack matrices (R, d, d) and pass them to `accept`; refuse matrices that are not symmetric."""
     packed = pack(matrices)
     deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
     for k, (i, j) in enumerate(zip(*np.tril_indices(matrices.shape[1]), strict=True)):

@@ -1,9 +1,9 @@
-"""Coverage of an evaluation: the horizon and the truth that count, for all commands.
+"""Coverage of an evaluation: its horizon, and the states of the truth that count.
 
-Values per step are divided by the horizon H: the number of timestamps in the file of the truth, or
-the number of declared steps. Timestamps of an estimate do not matter. Two values are comparable if
-they have equal digests of the steps and equal digests of the truth. States that are not evaluated
-are marked in the rows of truth and estimate.
+A side is the truth or the estimate. For values per step, totals are divided by the number of steps
+of the horizon: the timestamps in the file of the truth, or the declared steps. Timestamps of an
+estimate do not matter. Two values are comparable if their digests of the steps are equal, and their
+digests of the truth, too. States that are not evaluated have a mark in an attribute of their side.
 """
 
 import hashlib
@@ -25,30 +25,32 @@ from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 from tgospa_eval.tracks.weights import existence_of
 
 IGNORED, EXCUSED = "ignored", "excused"
-"""Columns that mark states to leave out: the first is of the truth, the second of the estimate."""
+"""Names of the columns of marks: ignored states of the truth, excused states of the estimate."""
 
 MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
 """Values of ``--ignore`` that use marks, each with the column that it reads."""
 
 NOT_COUNTED = "\0not judged"
-"""Attribute of states that are not evaluated for any reason: ignored in the truth, excused in the
-estimate. A column of a file cannot have this name."""
+"""Attribute that is 1 for states that are not evaluated, for whatever reason: states of the truth
+are then ignored, states of the estimate excused. A column of a file cannot have this name."""
 
 AWAY = "\0time to the nearer state"
-"""Attribute with the time from a state in a gap to the nearer state of its track, in seconds or the
-unit of the timestamps; 0 for other states."""
+"""Attribute of states that were interpolated across a long gap: the time to the nearer end of the
+gap, in seconds or the unit of the timestamps. It is 0 for other states."""
 
 
 MEANINGS: Mapping[object, bool] = {
     **dict.fromkeys((0.0, "0", "false", "no", ""), False),
     **dict.fromkeys((1.0, "1", "true", "yes"), True),
 }
-"""Meanings of the values of a mark; a blank means not marked."""
+"""Values of a mark that are allowed, and whether they mean marked."""
 
 
 def marks_of(side: Trajectories, name: str) -> Mask:
-    """Return which rows (R,) are marked in an attribute; all False without this attribute.
+    """Return a mask (R,) of the rows that are marked in the attribute `name`.
+
+    Without this attribute, no row is marked.
 
     Raises
     ------
@@ -74,7 +76,7 @@ def marks_of(side: Trajectories, name: str) -> Mask:
 
 
 def marked(side: Trajectories, rows: Mask) -> Trajectories:
-    """Mark these rows as not counted, in addition to rows that are already marked."""
+    """Mark these rows as `NOT_COUNTED`; earlier marks stay."""
     if not rows.any():
         return side
     marks = (marks_of(side, NOT_COUNTED) | rows).astype(np.float64)
@@ -82,12 +84,12 @@ def marked(side: Trajectories, rows: Mask) -> Trajectories:
 
 
 def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
-    """Refuse marks of estimates for a verb that compares estimates with each other.
+    """Refuse marks of estimates for a command that compares estimates with each other.
 
     Raises
     ------
     ConfigError
-        The rules include marks of estimates.
+        The rules, values of ``--ignore``, include marks of estimates.
     """
     if OWN_MARKS in rules:
         raise ConfigError(
@@ -100,24 +102,24 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
 COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
-"""Fields of a record that comparisons use."""
+"""Fields of the record of a coverage that comparisons of values need."""
 
 
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
-"""Columns of a table of results that are equal if values are comparable."""
+"""Columns of a table of results. Two results are comparable if both columns are equal."""
 
 LANES = np.array([[0x9E3779B97F4A7C15], [0xC2B2AE3D27D4EB4F]], np.uint64)
-"""Odd factors of 64-bit hashes of rows, one for each of the independent hashes."""
+"""Odd factors of two independent 64-bit hashes of each row."""
 
 DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 14
 """In this order: bits by which a hash is shifted, modulus of sums, rows hashed at a time."""
 
 NO_SUMS = (0,) * (1 + len(LANES))
-"""Value of `row_sums` without rows."""
+"""Result of `row_sums` for a side without rows."""
 
 
 def judge_alike() -> str:
-    """Return the remedy that makes values comparable, for messages."""
+    """Return, for messages, what the user can do to make values comparable."""
     ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
     return f"evaluate all on a common clock, {ways}"
 
@@ -131,9 +133,9 @@ class Coverage:
     steps : int
         Size of the horizon.
     before : (T,) int array
-        For each evaluated step the number of earlier timestamps of the horizon.
+        Number of timestamps of the horizon before each evaluated step.
     so_far : (T,) int array
-        For each evaluated step the number of earlier or equal timestamps of the horizon.
+        Number of timestamps of the horizon up to and including each evaluated step.
     ends : tuple of int, float or str
         First and last timestamp of the horizon, as they were read; empty if it has none.
     steps_sha256 : str
@@ -141,9 +143,9 @@ class Coverage:
     truth_states : int
         Number of states of the truth that count.
     truth_steps : int
-        Number of steps with such a state.
+        Number of steps with a state of the truth that counts.
     truth_sha256 : str
-        Digest of the states that count.
+        Digest of the states of the truth that count.
     """
 
     steps: int
@@ -161,7 +163,7 @@ class Coverage:
         return max(self.steps, 1)
 
     def row(self) -> dict[str, object]:
-        """Return the record for a table, where each column has one type."""
+        """Return the record for a table: first and last timestamp are texts."""
         return {
             name: str(value) if name in ("first", "last") else value
             for name, value in self.record().items()
@@ -187,15 +189,16 @@ def judge(
     Parameters
     ----------
     horizon : Trajectories
-        Trajectories with the timestamps of the horizon.
+        Trajectories with the timestamps of the horizon; their rows are not used. Without
+        timestamps, those of `truth` are the horizon.
     truth : Trajectories
         States of the truth that count, on the evaluated steps.
     sha256 : str
-        Digest of the states that count.
+        Digest of these states.
     states : int, optional
-        Number of states that count, if `truth` has no rows.
+        Number of these states, if `truth` is given without its rows.
     at : int, optional
-        Number of steps with such a state, if `truth` has no rows.
+        Number of steps with such a state, if `truth` is given without its rows.
     """
     ticks = horizon.times if len(horizon.times) else truth.times
     shown = horizon.shown if len(horizon.times) else truth.shown
@@ -212,12 +215,12 @@ def judge(
 
 
 def _distinct(step: Ints) -> int:
-    """Count the distinct steps of sorted rows; np.unique imports numpy.ma, which is slow."""
+    """Count the distinct steps of sorted rows, without np.unique, whose import is slow."""
     return int(np.count_nonzero(step[1:] != step[:-1])) + bool(len(step))
 
 
 def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return a message that values of different steps or truth are not comparable, or a blank.
+    """Return a message if values have different steps or truths; a blank if they are comparable.
 
     Parameters
     ----------
@@ -240,7 +243,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _steps_of(record: Mapping[str, Any]) -> str:
-    """Return the number of steps with truth, and that of the horizon, which may lack some."""
+    """Format the number of steps with truth and the number of steps of the horizon."""
     at, horizon = record["truth_steps"], record["steps"]
     if at > horizon:
         return f"{counted(at, 'step')} (horizon: {horizon:,})"
@@ -248,7 +251,7 @@ def _steps_of(record: Mapping[str, Any]) -> str:
 
 
 def coverage_of(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the coverage that a comparison uses, from the row of a table."""
+    """Return the fields that comparisons need, from the row of a table of results."""
     return {name: row[f"judged.{name}"] for name in COVERAGE_FIELDS}
 
 
@@ -262,25 +265,29 @@ def digest_of_times(ticks: TimeArray, clock: str) -> str:
 def digest(side: Trajectories, *, existence: bool = False) -> str:
     """Return a digest of exactly the parts of a side that change the value of the metric.
 
-    The digest covers the names of the columns, and for each row: id, time, state, covariance or
-    particles with their weights, the mark that it is not evaluated, and with `existence` the
-    probability. A side must be given as the distance uses it, as points for example. Labels, other
-    attributes, the order of the ids, and tracks and times without rows are not covered. Rows
-    without a mark have the same digest as in a side without marks. The clock is in the digest of
-    the steps. Regions, weights of steps and all options are in the parameters.
+    Covered are the names of the state columns, and for each row: id, time, state, covariance or
+    particles with their weights, the mark `NOT_COUNTED`, and with `existence` the probability of
+    existence. The side must be given as the distance uses it: as points, for example.
+
+    Not covered are labels, other attributes, the order of the ids, and tracks and times without
+    rows. A row without a mark is hashed as in a side without marks. The kind of the times is
+    covered by the digest of the steps. Regions, weights of steps and all options are recorded in
+    the parameters.
     """
     clouds = side.clouds
     arrays = () if clouds is None else (clouds.first, clouds.points, clouds.weights)
     return digest_of_sums(side.columns, [row_sums(side, existence=existence)], arrays)
 
 
-@lru_cache(4096)  # the same few names repeat
+@lru_cache(4096)  # parts of a side repeat the same few ids
 def _hash_of(name: str) -> bytes:
     return hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
 
 
 def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
-    """Return the number of rows and sums of their hashes; sums of parts add up to the whole.
+    """Return the number of rows, and the two sums of their hashes modulo 2^64.
+
+    Sums of the parts of a side add up to those of the whole side.
 
     The sums detect accidental differences of data. They do not resist a deliberate search for other
     data with the same sums. SHA-256 of each row would take as long as an evaluation.
@@ -298,7 +305,7 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
 
 
 def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> tuple[int, ...]:
-    """Return the sums of rows that are all marked, or all not marked."""
+    """Return `row_sums` of rows that are either all `marked` or all not marked."""
     names = b"".join([_hash_of(name) for name in side.ids.tolist()])
     ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
     timestamps = _bits(side.times)
@@ -356,12 +363,12 @@ def _added(parts: Iterable[Sequence[int]]) -> tuple[int, ...]:
 
 
 def unsigned_zeros(numbers: Number) -> Number:
-    """Return the numbers with 0.0 instead of -0.0, which has other bits."""
+    """Replace -0.0 by 0.0, because the two differ in their bits."""
     return numbers + 0  # type: ignore[return-value]
 
 
 def _bits(times: TimeArray) -> NDArray[np.uint64]:
-    """Return times as 64 bits each; whole numbers as integers, so that 0 and 0.0 are equal."""
+    """Return the 64 bits of each time; a whole number has the bits of an integer, also if float."""
     if times.dtype.kind == "i":
         return times.astype(np.int64).view(np.uint64)
     answer = times.astype(np.float64).view(np.uint64)
@@ -371,7 +378,7 @@ def _bits(times: TimeArray) -> NDArray[np.uint64]:
 
 
 def whole(times: TimeArray) -> TimeArray:
-    """Return times as integers if all are whole, so that 0 and 0.0 are equal."""
+    """Return times as integers if all are whole, so that 0 and 0.0 have equal digests."""
     if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
         return times
     return times.astype(np.int64)

@@ -1,4 +1,7 @@
-"""Conversion of one side to the timestamps of the other, by lines between states or by holding."""
+"""Conversion of a side (truth or estimate) to other timestamps.
+
+States are interpolated on straight lines, or each state holds (stays valid) for a period.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,10 +30,11 @@ HALF_TURN = 180.0
 
 
 RUN = 1.5
-"""Largest number of periods between two rows of a track in one run."""
+"""Largest time between consecutive reports of a run, in periods, unless the user sets it."""
 
 SLACK = 1e-9
-"""A step within this share of a period before the end of a report belongs to the next report."""
+"""The time in which a report holds begins and ends earlier by this share of a period. So a step at
+the end belongs to the next report, despite rounding."""
 
 
 def interpolated(
@@ -45,37 +49,39 @@ def interpolated(
 ) -> tuple[Trajectories, tuple[int, int, int]]:
     """Interpolate a side at the times of the other side.
 
-    If the side has no rows or the other side has no times, the side stays unchanged.
+    If the side has no rows or the other side has no times, the side is returned unchanged.
 
     A state at a timestamp of the other side stays unchanged. Between two consecutive states of a
     track that are at most `max_gap` apart, states and covariances are on the straight line.
-    Attributes are those of the state that is nearer in time, in a tie of the earlier state. A track
-    is not continued before its first or after its last state.
+    Attributes are those of the state that is nearer in time; in a tie, those of the earlier state.
+    A track is not extended beyond its first and its last state.
 
     Parameters
     ----------
     side, other : Trajectories
         Side to interpolate, and side with the timestamps.
     max_gap : float
-        Longest gap, in the unit of the timestamps, seconds for ISO times.
+        Longest gap, in the unit of the timestamps, or in seconds for ISO times.
     tolerance : float
         Two timestamps, one of each side, count as equal if they differ by at most the tolerance,
         and each is the nearest to the other.
     periods : dict of str to float, optional
-        Periods of columns that wrap around; these are interpolated along the shorter way.
+        Period of each column that wraps around, such as an angle. These columns are interpolated
+        along the shorter way.
     names : pair of str
         Names of both sides, for messages.
     across : str
-        Attribute that marks states in longer gaps, which also get the attribute
-        `tracks.coverage.AWAY`. If `across` is blank, longer gaps have no states.
+        Name of an attribute, or a blank. With a name, longer gaps are interpolated, too: their new
+        states are marked in this attribute, and get the attribute `tracks.coverage.AWAY`. With a
+        blank, longer gaps get no states.
 
     Returns
     -------
     side : Trajectories
         The side at these timestamps.
     counts : tuple of int
-        Number of new states in gaps of at most `max_gap`, number of kept states, and number of
-        states left out because the other side lacks their timestamp.
+        Number of new states in gaps of at most `max_gap`, number of states that were kept, and
+        number of states that were left out because the other side lacks their timestamp.
 
     Raises
     ------
@@ -129,7 +135,7 @@ def interpolated(
 def at_ticks(
     side: Trajectories, ticks: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> Trajectories:
-    """Return the rows of a side at the times of `ticks`, within the tolerance.
+    """Return the rows of a side whose times are times of `ticks` within the tolerance.
 
     Raises
     ------
@@ -144,7 +150,9 @@ def at_ticks(
 def match_times(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
 ) -> tuple[Ints, Mask]:
-    """Find the times of a side among those of another side, within the tolerance.
+    """Find each time of a side among those of another side, within the tolerance.
+
+    Return the indices of the times in the other side, and a mask of the times that exist there.
 
     Raises
     ------
@@ -158,7 +166,7 @@ def match_times(
 
 
 def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
-    """Find times among other times; return their positions, and which of them exist there."""
+    """Return the index of each time in `theirs`, and a mask of the times that exist there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
     at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
@@ -168,10 +176,11 @@ def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
 ) -> tuple[Ints, Ints, Ints, Floats, Mask]:
-    """Return rows before and after each new row, its step, its share of the gap, and a mask.
+    """Return the places of the new rows between consecutive states of a track.
 
-    New rows are between consecutive states of a track that are at most `max_gap` apart, with
-    `across` also in longer gaps. The mask is True for rows in longer gaps.
+    Gaps longer than `max_gap` get new rows only with `across`. The result has five arrays with an
+    entry for each new row: the row before the gap, the row after it, the step of the new row, its
+    position in the gap (from 0 to 1), and whether the gap is longer than `max_gap`.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
@@ -196,7 +205,10 @@ def _duration(side: Trajectories, before: Ints, after: Ints) -> Floats:
 def on_lines(
     side: Trajectories, before: Ints, after: Ints, share: Floats, periods: dict[str, float]
 ) -> Floats:
-    """Interpolate states between rows, at a share of the way (N,)."""
+    """Interpolate N states between the rows `before` and `after`, at `share` (0 to 1) of the way.
+
+    `periods` has the period of each column that wraps around.
+    """
     first, second = side.state[before], side.state[after]
     states = _mixed(first, second, share)
     for k, column in enumerate(side.columns):
@@ -228,9 +240,11 @@ def hold(
 ) -> tuple[Trajectories, ClockReports]:
     """Put the estimate on a common clock, where each report holds for its period.
 
-    A run is consecutive reports of a track without a long gap. Inside a run a report holds up to
-    the middle between it and its neighbours. At both ends of a run it holds for half a period. So n
-    regular reports hold for n periods, and a single report holds for one period.
+    A report is a row of the estimate. It holds: it is valid also at steps before and after its own
+    time. A run is a sequence of reports of a track without a long gap. Inside a run a report holds
+    up to the middle to its neighbours. Before and after the run, its first and last report hold
+    for half a period, but not beyond the middle to the next report of the track. So n regular
+    reports hold for n periods, and a single report holds for one period.
 
     Parameters
     ----------
@@ -239,17 +253,17 @@ def hold(
     ticks : Trajectories
         Steps of the clock.
     matching : TimeMatching
-        Rules with the spacing of the clock, the longest gap inside a run, and the period if
+        Rules with the spacing of the clock, the longest gap inside a run, and the period, if
         declared.
     truth_at : callable
-        Callable that receives a side and returns the truth at its timestamps.
+        Function that receives trajectories, and returns the truth at their timestamps.
     names : pair of str
-        Names of estimate and option, for messages.
+        Name of the estimate, and of the option that declares the clock, for messages.
 
     Raises
     ------
     ConfigError
-        A single report could fall between two steps.
+        The clock is slower than the reports: a report could hold at no step.
     InputError
         The timestamps cannot be compared.
     """
@@ -299,5 +313,5 @@ def hold(
 
 
 def _period(gaps: Floats, step: float) -> float:
-    """Return the lower median interval of reports, or the step if there are no intervals."""
+    """Return the (lower) median of the intervals between reports, or `step` if there are none."""
     return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

@@ -32,7 +32,7 @@ LIMITS = {
     "earth": ((0, "latitude", -90.0, 90.0), (1, "longitude", -360.0, 360.0)),
     "polar": ((0, "range", 0.0, math.inf), (2, "elevation", -90.0, 90.0)),
 }
-"""Columns with a limited range, by kind of frame: position and name of the column, least and
+"""Columns with a limited range, by kind of frame: index and name of the column, smallest and
 largest value."""
 
 AXES = re.compile(r"(enu|ned)(?::(.+))?")
@@ -52,16 +52,17 @@ class Frame:
     text : str
         Frame as it was given.
     kind : {"earth", "local", "polar", "system"}
-        ``"earth"`` has degrees, ``"local"`` metres along axes at the origin, and ``"polar"`` range
-        and angles from the origin. ``"system"`` is a projected system.
+        ``"earth"`` has latitude and longitude in degrees, ``"local"`` metres along axes at the
+        origin, and ``"polar"`` range and angles from the origin. ``"system"`` is a projected
+        system, such as UTM.
     columns : tuple of str, optional
         State columns; None means x, y and, if present, z.
     down : bool
         Whether the axes are north, east, down instead of east, north, up.
     turn : float
-        Degrees by which the axes are turned clockwise, the bearing of the turned north axis.
+        Degrees by which the axes are turned clockwise: the bearing of the turned north axis.
     option : str
-        Option of the frame, for messages.
+        Name of the option that gave the frame, for messages.
     """
 
     text: str
@@ -72,9 +73,9 @@ class Frame:
     option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
-        """Return the states out of range in a column, this column and a message; or None.
+        """Return the first fault: a mask (R,) of states out of range, their column and a message.
 
-        `axes` (d, R) has a row for each state column, and an entry for each state.
+        None means that there is no fault. `axes` (d, R) has the d state columns of R states.
         """
         for k, _, low, high in LIMITS.get(self.kind, ()):
             if k < len(columns):
@@ -86,7 +87,7 @@ class Frame:
         return None
 
     def to_local(self, states: Floats) -> Floats:
-        """Convert local or polar states to east, north and perhaps up."""
+        """Convert local or polar states to east, north and, if they have three columns, up."""
         if self.kind == "polar":
             bearing = np.radians(states[:, 1])
             flat = states[:, 0]
@@ -105,7 +106,7 @@ class Frame:
         return np.column_stack((east, north, states[:, 2:]))
 
     def to_earth(self, states: Floats) -> Floats:
-        """Convert geodetic or projected states to latitude, longitude and perhaps height."""
+        """Convert states of the other kinds to latitude, longitude and, if given, height."""
         if self.kind == "earth":
             return states
         x, y = from_crs(self.text, self.option).transform(states[:, 0], states[:, 1])
@@ -159,7 +160,7 @@ def parse_origin(text: str) -> tuple[float, float, float]:
 
 
 def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
-    """Convert local states to latitude, longitude and perhaps height."""
+    """Convert east, north and, if given, up to latitude, longitude and height."""
     latitude, longitude, height = origin
     if states.shape[1] > 2:
         earth = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
@@ -184,7 +185,7 @@ class Frames:
     Raises
     ------
     ConfigError
-        One side is local, the other is not, and the origin is missing.
+        The origin is missing, although only one side is relative to it (local or polar).
     """
 
     frames: tuple[Frame, Frame]
@@ -200,12 +201,12 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Set with True if a side has local axes, and with False if a side has not; maybe both."""
+        """Set with True if a side is local or polar, and with False if a side is neither."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
     def begin(self) -> tuple[float, float, float] | None:
-        """Origin of the common frame, if this frame is local."""
+        """Origin of the common frame, if this frame is local and the origin is known."""
         return self.origin if True in self.is_local else None
 
     @property
@@ -218,10 +219,11 @@ class Frames:
     def joined(
         self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
     ) -> tuple[Trajectories, Trajectories, Notice | None]:
-        """Convert both sides to one frame: local metres if a side is local, else degrees, heights.
+        """Convert both sides to one frame, and return a warning if heights are left out.
 
-        Heights are part of the states if both sides have them. If only one side has heights, a
-        warning says so. Leaving them out may move positions sideways: it states the largest error.
+        The frame is local metres if a side is local or polar, otherwise latitude and longitude.
+        Heights are part of the states if both sides have them, and are left out if one side lacks
+        them. This can change horizontal positions; the warning then states the largest error.
 
         Raises
         ------
@@ -313,7 +315,7 @@ class Frames:
             local = frame.to_local(states)
             if size == local.shape[1] or self.begin is None or len(self.is_local) == 1:
                 return np.ascontiguousarray(local[:, :size])
-            earth = on_earth(local, self.begin)[:, :size]  # the point on the ground
+            earth = on_earth(local, self.begin)[:, :size]  # without its height
         else:
             earth = frame.to_earth(states)[:, :size]
         if self.begin is None:

@@ -1,6 +1,7 @@
 """Trajectories as one flat table with a row per object and step, independent of files and metric.
 
-Attributes of states are the values of further columns of a table, by the name of the column.
+Attributes are further values of each state, by name: the other columns of a file. A side is the
+truth or the estimate.
 """
 
 import warnings
@@ -22,30 +23,30 @@ if TYPE_CHECKING:
 
 
 Values: TypeAlias = Floats | NDArray[np.object_]
-"""Numbers (NaN if missing) or texts (blank if missing)."""
+"""Array of numbers (NaN if missing) or of texts (blank if missing)."""
 
 Attributes: TypeAlias = Mapping[str, Values]
 """Values (R,) of each row, by name."""
 
 
 ROW = "\0row"
-"""Attribute with the number of each row in its file, if requested."""
+"""Attribute, if requested, with the position of each row in its file."""
 
 
 def file_order(step: Ints, attributes: Attributes) -> Ints:
-    """Return rows (R,) by step, and at a step in the order of the file if it is known."""
+    """Return row indices (R,) sorted by step, then by order in the file if `ROW` is given."""
     if ROW not in attributes:
         return np.arange(len(step))
     return np.lexsort((attributes[ROW], step))
 
 
 def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
-    """Return attributes of `rows` rows as read-only arrays of doubles, or of texts.
+    """Return attributes as read-only arrays of doubles or of texts, `rows` values each.
 
     Raises
     ------
     InputError
-        An attribute has another length.
+        An attribute has another number of values.
     """
     arrays: dict[str, Values] = {}
     for name, given in attributes.items():
@@ -74,7 +75,10 @@ def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
 
 
 def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
-    """Append `rows` values of `second`, missing if it lacks them, to each attribute of `first`."""
+    """Append the values of `second` to each attribute of `first`.
+
+    If `second` lacks an attribute, `rows` missing values are appended.
+    """
     joined: dict[str, Values] = {}
     for name, values in first.items():
         missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
@@ -88,45 +92,45 @@ CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO 
 """Kinds of time, and what they are called in messages."""
 
 PLACES, HEIGHT = ("lat", "lon"), "alt"
-"""State columns of positions on the Earth, in degrees, and of heights in metres."""
+"""Names of the state columns of latitude and longitude in degrees, and of height in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectories:
     """A set of trajectories.
 
-    A row means that the object exists at the step, and no row means that it is absent. No array has
-    the size of all steps times all objects.
+    A row has the state of a trajectory at a step. If a trajectory has no row at a step, it does not
+    exist there. No array has the size of all steps times all trajectories.
 
     Parameters
     ----------
     step, track : (R,) int32 arrays
-        For each of R rows, `step` is the position in `times`, and `track` the position in `ids`.
-        Rows are sorted by (step, track), and no such pair occurs twice. Arrays are int64 if there
-        are too many times or ids.
+        Index in `times` and index in `ids` of each of R rows. Rows are sorted by (step, track), and
+        no such pair occurs twice. Arrays are int64 if there are too many times or ids.
     state : (R, d) float array
         Finite states, in the user's unit.
     ids : (k,) array of str
-        Opaque names of the tracks.
+        Ids of the k trajectories, which are never interpreted.
     times : (T,) int64 or float64 array
-        Strictly increasing times; nanoseconds since 1970 unless `clock` is ``"number"``.
+        Strictly increasing times of the T steps: nanoseconds since 1970 unless `clock` is
+        ``"number"``.
     columns : tuple of str
         Names of the d state columns.
     clock : {"number", "local", "zoned"}
-        Kind of the times.
+        Kind of the times: numbers, ISO times without zone, or ISO times with zone.
     labels : (T,) array of str, optional
         Times as they were read, unless they are numbers.
     covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
         Covariance of each state, in the unit of the states squared; by default states are points.
-        It is stored as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
-        eigenvalue that is negative by up to a thousandth of the largest becomes 0, with a warning.
-        Lower triangles are only checked to be finite.
+        The attribute has lower triangles, row by row: xx, xy, yy. Given matrices are checked: a
+        negative eigenvalue of up to a thousandth of the largest becomes 0, with a warning. Given
+        lower triangles are only checked to be finite.
     clouds : Clouds, optional
         Particles of each row, whose weighted means are the states. Covariances are not allowed
         together with clouds.
     attributes : mapping of str to (R,) array, optional
         Further values of each row, by name: numbers (NaN if missing) or texts (blank if missing).
-        Readers read only the requested columns.
+        Readers of files read only requested columns.
     offered : tuple of str, optional
         All headers of the file, if attributes were requested.
 
@@ -200,7 +204,7 @@ class Trajectories:
         later = step[1:] > step[:-1]
         later |= (step[1:] == step[:-1]) & (track[1:] > track[:-1])
         in_order = later.all()
-        # The values are sorted: their ends are the smallest and the largest.
+        # Sorted steps have the smallest and the largest at their ends.
         low, high = (step[0], step[-1]) if in_order else (step.min(), step.max())
         if low < 0 or high >= len(times):
             raise InputError("a step lies outside the times")
@@ -232,7 +236,7 @@ class Trajectories:
         return np.ascontiguousarray(packed.T)
 
     def _covariance(self, row: int) -> str:
-        """Return the name of the covariance of a row, for messages."""
+        """Name the covariance of a row by id and time, for messages."""
         return (
             f"covariance of id {quoted(self.ids[self.track[row]])}, t {self.shown[self.step[row]]}"
         )
@@ -258,7 +262,7 @@ class Trajectories:
 
     @property
     def spread(self) -> Floats | None:
-        """Lower triangles (R, d (d + 1) / 2) of covariances, also of clouds; None for points."""
+        """Lower triangles (R, d (d + 1) / 2) of covariances, for clouds too; None for points."""
         if self.clouds is None:
             return self.covariance
         from tgospa_eval.tracks.covariances import pack  # lazy: points do not need it
@@ -267,7 +271,7 @@ class Trajectories:
             return pack(self.clouds.covariances).T
 
     def dense(self) -> Floats:
-        """Return states as (T, k, d), NaN where an object is absent."""
+        """Return states as an array (T, k, d), with NaN where a trajectory does not exist."""
         table = np.full((len(self.times), len(self.ids), len(self.columns)), np.nan)
         table[self.step, self.track] = self.state
         return table
@@ -285,9 +289,10 @@ class Trajectories:
         labels: NDArray[np.object_] | None = None,
         clock: str | None = None,
     ) -> "Trajectories":
-        """Return some of the rows, in order, with the tracks that have rows.
+        """Return the trajectories with these rows only; trajectories without rows are left out.
 
-        `step` and `times` are new steps and times of the rows; by default these stay the same.
+        `step` has the new step of each row, and `times`, `labels` and `clock` describe the new
+        steps. By default steps stay the same.
         """
         if step is None or times is None:
             step, times, labels = self.step[rows], self.times, self.labels
@@ -297,7 +302,7 @@ class Trajectories:
         if not has_rows.all():
             track = (np.cumsum(has_rows) - 1)[track]
         ids = self.ids[has_rows]
-        part = object.__new__(Trajectories)  # rows of a checked side are not checked again
+        part = object.__new__(Trajectories)  # the rows were checked before
         vars(part).update(
             vars(self),
             step=step.astype(index_type(len(times)), copy=False),
@@ -322,7 +327,7 @@ class Trajectories:
         clock: str,
         labels: NDArray[np.object_] | None = None,
     ) -> "Trajectories":
-        """Return trajectories with these times and without rows."""
+        """Return empty trajectories: with these times, but without rows."""
         none = np.zeros(0, np.int32)
         return cls(
             step=none,
@@ -343,7 +348,7 @@ class Trajectories:
         return "point" if self.covariance is None else "gaussian"
 
     def reduced_to(self, kinds: tuple[str, ...]) -> "Trajectories":
-        """Return the trajectories as points, unless their states are of one of these kinds."""
+        """Return the trajectories unchanged if their kind is in `kinds`, otherwise as points."""
         if self.kind in ("point", *kinds):
             return self
         return replace(self, covariance=None, clouds=None)
@@ -370,7 +375,7 @@ class Trajectories:
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional
-            Covariances. Those of absent states are ignored. One matrix (d, d) is used for all
+            Covariances; those of absent states are ignored. A single matrix (d, d) is used for all
             states.
 
         Raises

@@ -1,4 +1,7 @@
-"""Weights of states, which are probabilities of existence, and weights of steps by time."""
+"""Weights of states (probabilities of existence), and weights of steps.
+
+A side is the truth or the estimate.
+"""
 
 import numpy as np
 
@@ -12,16 +15,16 @@ from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Trajectories
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightsByTime:
-    """Weights of steps by time.
+    """Weights of steps, given for timestamps.
 
     Parameters
     ----------
     times : (N,) int64 or float64 array
-        Distinct times, as in `Trajectories`.
+        Distinct times, in the form of `Trajectories.times`.
     cost : (N,) float array
-        Factors of the costs at each time.
+        Factor of all costs at each time, except of switches.
     switch : (N,) float array
-        Factors of the switches into the step at each time, from the step before it.
+        Factor of the switches from the step before each time to this time.
     clock : {"number", "local", "zoned"}
         Kind of the times.
     name : str
@@ -38,7 +41,7 @@ class WeightsByTime:
         freeze(self)
 
     def on(self, side: Trajectories) -> tuple[Floats, Floats]:
-        """Return factors of costs at each step of an aligned side (T,), and of switches (T - 1,).
+        """Return the factors of costs (T,) and of switches (T - 1,) for the T steps of a side.
 
         Raises
         ------
@@ -68,7 +71,10 @@ class WeightsByTime:
 
 
 def repeated(times: TimeArray) -> tuple[int, int, int] | None:
-    """Find the first repeated time: its row, the earlier row, and the number of repeats."""
+    """Return the index of the first repeat of a time, of its first occurrence, and their number.
+
+    The number counts all repeats of all times. None means that no time is repeated.
+    """
     order = np.argsort(times, kind="stable")
     again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
     if not len(again):
@@ -78,11 +84,11 @@ def repeated(times: TimeArray) -> tuple[int, int, int] | None:
 
 
 EXISTENCE = "existence"
-"""Name of the column and of the attribute of probabilities."""
+"""Name of the column, and of the attribute, with probabilities of existence."""
 
 
 def existence_of(side: Trajectories) -> Floats:
-    """Return the probability of existence of each row (R,)."""
+    """Return the probability of existence of each row (R,), by default 1."""
     given = side.attributes.get(EXISTENCE)
     return np.ones(len(side.step)) if given is None else np.asarray(given, np.float64)
 
@@ -90,9 +96,9 @@ def existence_of(side: Trajectories) -> Floats:
 def expected(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Trajectories, Trajectories]:
-    """Return both sides with valid probabilities, without rows of probability 0.
+    """Check the probabilities of existence of both sides, and leave out rows of probability 0.
 
-    Steps without rows stay. `names` are for messages.
+    Steps that lose all rows stay. `names` are for messages.
 
     Raises
     ------
