@@ -1,7 +1,7 @@
 """Pairs to evaluate: from patterns, a manifest, the layout of a benchmark, or data in memory.
 
 A pattern is a path with fields in braces, such as ``{tracker}/{sequence}.txt``. This module works
-with paths and labels. Of a data file it reads at most the names of the runs in it.
+with paths and labels. It reads no data from data files, only the names of the runs in them.
 """
 
 import glob
@@ -328,7 +328,8 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
         frames = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
         frames = dict.fromkeys(names)
-        # The truth folder's seqmap is that of the training sequences, or else the only one.
+        # In the folder of the truth, the seqmap of the training sequences is read. If there is no
+        # such seqmap, the only other seqmap is read.
         there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
         there = [path for path in there if path.endswith(".training")] or there
         for path in (seqmap, there[0] if len(there) == 1 else None):
@@ -538,6 +539,9 @@ def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
 
 def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
     """Make the jobs of data in memory: one job for each run of each tracker.
+
+    If `estimates` is a mapping, its keys are the names of the trackers. Otherwise, it is the data
+    of one tracker without a name.
 
     Raises
     ------

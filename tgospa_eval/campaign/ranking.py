@@ -616,11 +616,11 @@ FIELDS_SHOWN = {**COMPARED, **BESIDE}
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Return for each result the other metrics that all results have, and notices.
+    """Return for each estimate the other metrics that all results have, and notices.
 
-    The notices name metrics that are left out. If there are several runs, all metrics are left out,
-    and the first run has one empty dict for each result: the metrics of several runs are ratios of
-    counts over all runs, but results have only the ratios of each run.
+    `runs` has for each run the result of each estimate. The notices name metrics that are left out.
+    If there are several runs, all metrics are left out: they would be ratios of counts over all
+    runs, but results have only the ratios of each run.
     """
     each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
     first = each[0] if len(runs) == 1 else {}

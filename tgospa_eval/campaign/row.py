@@ -248,7 +248,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # if both extremes fit, all do
+        values = column.to_numpy()  # all values fit if both extremes fit
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -465,8 +465,8 @@ def pair_numbers(
     """Return a number for each job; jobs that can be compared have the same number.
 
     Jobs with the same number agree in truth, in `parameters`, and in all labels that are not in
-    `compared`. If such jobs also agree in `compared`, own options are compared, too: then, jobs
-    with the same number also agree in their own options.
+    `compared`. If two of these jobs would also agree in the labels in `compared`, all jobs with the
+    same number also agree in their own options.
 
     Parameters
     ----------

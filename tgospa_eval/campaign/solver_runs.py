@@ -62,7 +62,7 @@ several components, the times of the components add up.
 
 
 def display_name(solver: str, epsilon: float | None) -> str:
-    """Return the name of a solver. If it has a temperature, the name ends with all its digits."""
+    """Return the name of a solver; if it has a temperature, add this with full precision."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -155,7 +155,7 @@ def warm_up(solvers: Iterable[Solver]) -> None:
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     for solver in solvers:
         if solver.proves:
-            # This loads HiGHS, because the small problem does not need it.
+            # This import loads HiGHS. The small problem does not load it.
             import tgospa_eval.solvers.restricted_lp  # noqa: F401
         request = EvaluationRequest(
             parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
@@ -339,10 +339,10 @@ def solvers_document(
 # -------------------------------------------------------------------------------------------------
 # The scaling study: solvers on synthetic scenes of many sizes, with several scenes of each size.
 #
-# The study follows figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh. One shows the error
-# against the temperature. The other shows time and error against the numbers of targets and steps.
-# The seed of a scene depends only on the seed of the study, the size and the number of the run.
-# New scenes therefore do not change existing ones.
+# The study follows figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh. They show the error
+# as a function of the temperature, and time and error as functions of the number of targets and of
+# the number of steps. The seed of a scene depends only on the seed of the study, the size and the
+# number of the run. New scenes therefore do not change existing ones.
 
 Key = tuple[int, int, int]
 """Number of targets, number of steps, and run number of a scene."""

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row with the steps of a job, by column. Workers pass them to the store in it."""
+"""Field of a row with the steps of a job, by column. A worker hands it to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns in the row of a job: number of its stored steps, and whether they have the curve."""
@@ -106,9 +106,9 @@ def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
 
     Without `per_step`, the fields say that no steps are stored. The steps have these columns: times
     as they were read, the number of steps of the horizon up to each step, and costs in state units
-    to the power p. The columns of the curve have values of other evaluations, which end at each
-    step, and their bounds, as in `Result.curve`. These columns are NaN if the curve was not
-    requested.
+    to the power p. For each step, the columns of the curve have the value of an evaluation that
+    ends at this step, and its bounds, as in `Result.curve`. These columns are NaN if the curve was
+    not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}

@@ -196,8 +196,8 @@ Baseline: TypeAlias = dict[str, Json]
 
 The fields of an entry are:
 
-- `values`: upper ends of brackets, `lower_bound`, parts and counts of the cost, NEES and the
-  summary if known, and the values of classes under `by_class`
+- `values`: upper ends of brackets, `lower_bound` and `upper_bound`, parts and counts of the cost,
+  NEES and the summary if known, and the values of classes under `by_class`
 - `nights`: the values of earlier runs of the tracker (nights), the newest first
 - `options`: the options that were given
 - `parameters`: the parameters that change the number
@@ -307,8 +307,8 @@ def number_in(values: Json, name: str | None, path: str) -> float:
 def lowest_in(values: Json, order: float, name: str | None, path: str) -> float:
     """Return the proven lower bound of a value, or the value if it has no bounds.
 
-    The bounds of a class are not stored. Its lower bound is computed with the gap of all classes,
-    because the gap of one class is not larger.
+    The bounds of a class are not stored. The lower bound of a class is computed with the gap of all
+    classes, because the gap of one class is not larger.
     """
     value, total = number_in(values, name, path), number_in(values, name, "total")
     if path not in PROVEN or not total:

@@ -318,7 +318,7 @@ def _judge_all(
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
     if len(wrong) == len(pairs) > 1 and len({*map(str, wrong)}) == 1:
-        raise wrong[0]  # the same for all pairs: a wrong option
+        raise wrong[0]  # all pairs have the same error: an option is wrong
     in_order = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in in_order if one.verdict is Verdict.ERROR]

@@ -2,8 +2,9 @@
 
 The permutation test of `groups` makes no assumption about scatter. With few runs it therefore shows
 little: with six runs, the smallest p value is 1/64. A jump is recognised by its size instead. The
-size is that of transformed values: logarithms of costs, and arcsines of the roots of missed shares
-(of the ground-truth states of a run, the share that it misses). Three assumptions are needed:
+size is that of transformed values: logarithms of costs, and arcsines of the roots of missed shares.
+A missed share is the share of its ground-truth states that a run misses. Three assumptions are
+needed:
 
 - The transformed values scatter equally from night to night, in all runs of a scene.
 - Their distribution is about normal.

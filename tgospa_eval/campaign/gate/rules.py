@@ -257,7 +257,7 @@ class Finding:
         """True if the bounds prove the change from the baseline.
 
         The new value must have proven bounds, and the seeds must be those of the baseline: with
-        other seeds, the runs of a group have other ground truths.
+        other seeds, the runs of a group can have other ground truths.
         """
         return self.now.proven and (self.inference is None or self.inference.paired)
 
