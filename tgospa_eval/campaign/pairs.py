@@ -1,7 +1,7 @@
 """Pairs to evaluate: from patterns, a manifest, the layout of a benchmark, or data in memory.
 
 A pattern is a path with fields in braces, such as ``{tracker}/{sequence}.txt``. This module works
-with paths and labels. Of a data file it reads at most the names of the runs in it.
+with paths and labels. It reads no data from data files, only the names of the runs in them.
 """
 
 import glob
@@ -71,8 +71,9 @@ class Job:
     is_new : bool
         Whether the job is new: the target of the gate lacks it.
     in_memory : mapping of str to object
-        Data in memory, with the keys ``truth`` and ``estimate``. The parameter of the same name is
-        then no path but only a name. The key ``mapping`` has the components of arrays to compare.
+        Data in memory, with the keys ``truth`` and ``estimate``. If a key is present, the parameter
+        of the same name is a name instead of a path. The key ``mapping`` says which components of
+        arrays are compared.
     digest : str
         Digest of the data in memory.
     """
@@ -137,10 +138,10 @@ def match(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
-    """Match both patterns; return values of truths, estimates with their values, and notices.
+    """Match both patterns, and return the field values of truths, the estimates, and notices.
 
-    Values are those of the fields of a pattern. A truth without fields has one empty set of values.
-    Notices are about skipped files. The arguments are those of `of_patterns`.
+    Each estimate has its path and its field values. A truth without fields has one empty set of
+    values. Notices are about skipped files. The arguments are those of `of_patterns`.
     """
     truths, passed_over = patterns.match_files(truth, folders[0], output=output, inside=inside)
     estimates, more = patterns.match_files(
@@ -151,9 +152,10 @@ def match(
 
 
 def groups_of(files: Iterable[Mapping[str, str]], fields: Sequence[str]) -> list[Values]:
-    """Return the different combinations of values of these fields, such as of ``tracker``.
+    """Return the different combinations of values that these fields have in files.
 
-    `files` has the field values of each file. The fields are those that the truth does not have.
+    `files` has the field values of each file. The fields, such as ``tracker``, are those that only
+    estimates have.
     """
     groups = dict.fromkeys(tuple(values[name] for name in fields) for values in files)
     return [dict(zip(fields, group, strict=True)) for group in groups]
@@ -167,7 +169,9 @@ def of_patterns(
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
 ) -> BatchPlan:
-    """Make a job for each estimate that matches its pattern, with the truth of the same fields.
+    """Make a job for each estimate that matches its pattern.
+
+    The truth of a job has the same values of the fields that are in both patterns.
 
     Parameters
     ----------
@@ -324,7 +328,8 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
         frames = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
         frames = dict.fromkeys(names)
-        # The truth folder's seqmap is that of the training sequences, or else the only one.
+        # In the folder of the truth, the seqmap of the training sequences is read. If there is no
+        # such seqmap, the only other seqmap is read.
         there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
         there = [path for path in there if path.endswith(".training")] or there
         for path in (seqmap, there[0] if len(there) == 1 else None):
@@ -407,7 +412,7 @@ def _near_option(name: str, options: Collection[str]) -> str | None:
 
 
 def _differ_by_a_letter(short: str, long: str) -> bool:
-    """Return whether one letter differs, or is missing in the shorter text; not a plural s."""
+    """Return whether one letter differs, or is missing in the shorter text, except a plural s."""
     if len(short) == len(long):
         return sum(a != b for a, b in zip(short, long, strict=True)) == 1
     return f"{short}s" != long and short in {long[:k] + long[k + 1 :] for k in range(len(long))}
@@ -533,7 +538,10 @@ def named_sides(estimates: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
-    """Make the jobs of data in memory: one per run, and per tracker if the trackers have names.
+    """Make the jobs of data in memory: one job for each run of each tracker.
+
+    If `estimates` is a mapping, its keys are the names of the trackers. Otherwise, it is the data
+    of one tracker without a name.
 
     Raises
     ------
@@ -602,7 +610,7 @@ def compared_runs(
     estimates : sequence of str
         Paths or patterns of the estimates.
     output : str, optional
-        Folder in which estimates are not searched.
+        Folder in which no estimates are searched.
 
     Raises
     ------
@@ -688,7 +696,7 @@ def _fields(path: str) -> list[str]:
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """Return the notice about hidden files that a pattern skips, if any, by its kind."""
+    """Return the notice about hidden files that a pattern skips, by its kind; empty without one."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
@@ -704,7 +712,7 @@ def _values(
 ) -> Iterator[Mapping[str, str]]:
     """Yield the field values of each file in `files`, or else of each that matches the pattern.
 
-    `notices` are added to the error.
+    The error shows `notices`, too.
 
     Raises
     ------

@@ -3,7 +3,8 @@
 With several runs (Monte Carlo), costs are added over the runs, and roots are taken last. ``tgospa``
 is (mean total)^(1/p): for p = 2, the root mean square over runs. The normalised value is
 (sum of totals / sum of steps)^(1/p). The bounds of a sum are the sums of the bounds. All estimates
-have the same runs. Both values therefore order them as the sums do, here and in a batch or a gate.
+have the same runs. ``tgospa``, the normalised value and the sum therefore order the estimates in
+the same way. Batches and gates also order by sums.
 """
 
 import itertools
@@ -75,9 +76,10 @@ def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     Returns
     -------
     tuple
-        First a record of sums over all steps, with costs in state units to the power p. Then values
-        of each step in state units: ``gospa``, and what other tools print for a step, by the name
-        of their rule (``stone_soup``, ``mathworks``).
+        First the sums over all steps, as a record for the JSON. Costs are in state units to the
+        power p. Then a dict with values of each step, in state units: ``gospa``, and the values
+        that other tools print for a step, by the name of their rule (``stone_soup``,
+        ``mathworks``).
     """
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
@@ -231,7 +233,7 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 
 
 def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: bool) -> RunOutcome:
-    """Return the numbers of a result; afterwards the result and its large problem can be freed.
+    """Return the numbers of a result, so that the result and its large problem can be freed.
 
     With `per_step`, the numbers of the function `against` are included.
     """
@@ -273,7 +275,7 @@ def _run(
 
 
 def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunOutcome]:
-    """Return the outcomes of saved results that are of the same run, with the same truth.
+    """Return the outcomes of saved results. All results are of one run, and have the same truth.
 
     Raises
     ------
@@ -320,9 +322,9 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
 """Steps of N evaluations of one run: times, costs and a mask.
 
-The T times are those of all evaluations. Costs (N, T) have the names of parts, of rules of other
-tools, and ``total``. They are 0 where an evaluation lacks the step. The mask (N, T) is true where
-an evaluation has the step.
+The T times are those of all evaluations together. The costs are arrays (N, T): one for each part of
+the cost, ``total``, and if requested the values of the function `against`, by name. Costs are 0
+where an evaluation lacks the step. The mask (N, T) is true where an evaluation has the step.
 """
 
 
@@ -346,8 +348,8 @@ def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
 def steps_columns(entrants: Entrants, best: str) -> Columns:
     """Return a table with a row for each estimate, run and step: costs and differences.
 
-    Differences are those from the estimate `best`. An evaluation without states at a step does not
-    have the step: its cost there is 0.
+    A difference is the cost minus the cost of the estimate `best`. If neither truth nor estimate
+    has a state at a step, the evaluation lacks the step: its cost there is 0.
     """
     runs, leader = list(side_by_side(entrants)), list(entrants).index(best)
     rules = [name for name in ("gospa", *RULES) if name in runs[0][1]]
@@ -614,10 +616,11 @@ FIELDS_SHOWN = {**COMPARED, **BESIDE}
 
 
 def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
-    """Return for each result of one run the other metrics that all results have, and notices.
+    """Return for each estimate the other metrics that all results have, and notices.
 
-    The notices name metrics that are left out. With several runs, all metrics are left out. They
-    would be ratios of counts over all runs, but results have only the ratios of each run.
+    `runs` has for each run the result of each estimate. The notices name metrics that are left out.
+    If there are several runs, all metrics are left out: they would be ratios of counts over all
+    runs, but results have only the ratios of each run.
     """
     each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
     first = each[0] if len(runs) == 1 else {}
@@ -638,13 +641,13 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 # -------------------------------------------------------------------------------------------------
 # Rankings of the values of a label of a batch, such as trackers: a proven and a statistical order.
 #
-# Jobs are compared if they differ only in this label. There must be such a job for each value of
-# the label. The proven order compares brackets of the combined value on these files. The
-# statistical order is an inference about other truths like these (`statistics`).
+# Jobs are compared if they differ only in this label, and if each value of the label has such a
+# job. The proven order compares brackets of the combined value on the files of these jobs. The
+# statistical order is an inference about other truths of the same kind (`statistics`).
 
 
 MAX_COMPARED = 100
-"""Largest number of values of a label that are ranked; each value is compared with each other."""
+"""Largest number of values of a label that are ranked: each value is compared with all others."""
 
 NOTHING = Interval(lower=0.0, upper=0.0)
 """Difference of two estimates with the same data."""
@@ -655,7 +658,7 @@ Parameters = Mapping[str, float | str]
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
-    """Yield for each set of parameters a ranking, or the reason why there is none; and warnings.
+    """Yield warnings, and for each set of parameters a ranking or the reason why there is none.
 
     Parameters
     ----------
@@ -750,13 +753,19 @@ def _ranking(
 
 
 Totals = tuple[Floats, Floats, Floats]
-"""Lower bounds (names, truths), upper bounds (names, truths) and steps (truths,) of totals."""
+"""Lower and upper bounds of totals, both (names, truths), and their numbers of steps (truths,).
+
+If there is only one truth, a job takes the place of a truth.
+"""
 
 
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Return names, best first, and their totals for each truth; if there is one, for each job."""
+    """Return the names, best first, and their totals.
+
+    The totals are those of each truth. If there is only one truth, they are those of each job.
+    """
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -769,9 +778,10 @@ def _side_by_side(
 
 
 def _units(truth: Sequence[str], runs: Sequence[Sequence[str]]) -> Ints:
-    """Return for each job the number of its unit: its truth, or itself if there is one truth.
+    """Return for each job the number of its unit. A unit is a truth with all its jobs.
 
-    `runs` has for each name the data of each job. Jobs with the same data of a name are one unit.
+    If there is only one truth, each job is a unit. Exception: jobs in which some name has the same
+    data are one unit. `runs` has for each name a text for the data of each job.
     """
     _, unit = np.unique(truth, return_inverse=True)
     if unit.any():
@@ -874,7 +884,7 @@ def _proven(
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
-    """Sum the totals of each name, divide by `per`, and return brackets of the roots."""
+    """Sum the totals of each name, divide the sums by `per`, and return brackets of their roots."""
     lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
@@ -882,9 +892,9 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
 def _data(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[list[str]], Floats, Floats]:
-    """Return digests of estimates, lower and upper bounds of totals: for each name, by job.
+    """Return digests of estimates, and lower and upper bounds of totals, for each name and job.
 
-    The order of the jobs is the same for all names.
+    All names have the same order of jobs.
     """
     table = common.set_index(["_pair", column]).sort_index()
     sides = [
@@ -925,7 +935,7 @@ UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
     """Return the bracket of second minus first, and None for the ends of its confidence interval.
 
-    All names begin with `before`.
+    The names of the fields begin with `before`.
     """
     difference = NOTHING if same else second_less_first(first, second)
     bracket = [difference.lower, difference.upper]
@@ -941,9 +951,9 @@ def _with_intervals(
     *,
     per_step: bool = False,
 ) -> list[Any]:
-    """Set the confidence intervals of all differences, and return those of the values.
+    """Set the confidence intervals of all differences, and return the intervals of the values.
 
-    With too few truths nothing is set, and the intervals of values are None.
+    With too few truths nothing is set, and the intervals of the values are None.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def row_to_judge(result: Evaluation) -> Row:
 def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
     """Add up the parts of the localisation cost, and the sums of NEES, over the rows.
 
-    A part that a row lacks is left out. NEES is None if a row lacks it.
+    A part is left out if any row lacks it. NEES is None if any row lacks it.
     """
     parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
     each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
@@ -115,7 +115,7 @@ def stored_slices(result: Evaluation) -> dict[str, str]:
 
 
 def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the labels of a job. Options that only this job has are the label ``options``."""
+    """Return the labels of a job. The job's own options are the value of the label ``options``."""
     labels = {
         str(name).removeprefix(LABEL): str(value)
         for name, value in row.items()
@@ -248,7 +248,7 @@ def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
     if types.is_string(column.type) or types.is_dictionary(column.type):
         few = column.unique().to_pylist()
     elif len(column) and not column.null_count and is_number(column.type):
-        values = column.to_numpy()  # if both extremes fit, all do
+        values = column.to_numpy()  # all values fit if both extremes fit
         few = [values.min().item(), values.max().item()]
     if few is not None and all(map(kind.fits, few)):
         return None
@@ -320,7 +320,7 @@ def _contradictions(
 
 
 # -------------------------------------------------------------------------------------------------
-# Which rows can be compared: those that differ only in the compared labels.
+# Rows can be compared if they differ only in the compared labels.
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with the digests of truth and estimate (`tracks.coverage.digest`)."""
@@ -348,7 +348,8 @@ def label_names(rows: "pd.DataFrame") -> list[str]:
 def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
     """Return the column names under which a table shows labels.
 
-    They lack the prefix ``label.``, unless the name is in `taken` or itself begins so.
+    The prefix ``label.`` is left out. It is kept if the name of the label is in `taken`, or begins
+    with ``label.`` itself.
     """
     return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
@@ -394,7 +395,7 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     if TRUTH_DIGEST not in rows:
         return paths
     digests = rows[TRUTH_DIGEST]
-    # A failed job has no digest; that of another job with the same file is used, if there is one.
+    # A failed job has no digest. It gets the digest of another job with the same file, if any.
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
@@ -463,8 +464,9 @@ def pair_numbers(
 ) -> "pd.Series[int]":
     """Return a number for each job; jobs that can be compared have the same number.
 
-    Such jobs agree in truth, in `parameters`, and in all labels that are not in `compared`. If this
-    does not tell all jobs apart, they also agree in their own options.
+    Jobs with the same number agree in truth, in `parameters`, and in all labels that are not in
+    `compared`. If two of these jobs would also agree in the labels in `compared`, all jobs with the
+    same number also agree in their own options.
 
     Parameters
     ----------

@@ -55,14 +55,14 @@ STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs
 EXACT_STATES = 15_000
 """Number of states of one component for which the solver `exact` takes about a minute.
 
-Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
-18,951 states 39 s. The time grows about with the square of the number of states. With several
-components, these squares add up.
+Times on one core, for scenes of the scenario `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994
+states 57 s, 18,951 states 39 s. The time grows about with the square of the number of states. With
+several components, the times of the components add up.
 """
 
 
 def display_name(solver: str, epsilon: float | None) -> str:
-    """Return the name of a solver and its temperature, if any, with as many digits as needed."""
+    """Return the name of a solver; if it has a temperature, add this with full precision."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -155,7 +155,8 @@ def warm_up(solvers: Iterable[Solver]) -> None:
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     for solver in solvers:
         if solver.proves:
-            import tgospa_eval.solvers.restricted_lp  # noqa: F401  loads HiGHS: the scene does not
+            # This import loads HiGHS. The small problem does not load it.
+            import tgospa_eval.solvers.restricted_lp  # noqa: F401
         request = EvaluationRequest(
             parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
             distance=DISTANCES.ours("euclidean"),
@@ -224,7 +225,7 @@ def referee(runs: Sequence[Json]) -> Interval | None:
 
 
 def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
-    """Return upper bounds of the relative errors of a run: of its upper and its lower bound.
+    """Return the largest possible relative errors of the upper and the lower bound of a run.
 
     `known` is the bracket that contains the exact total.
     """
@@ -258,7 +259,7 @@ def compare_solvers(
 ) -> list[Run]:
     """Run all solvers, one after the other; a failed solver does not affect the other results.
 
-    Solvers that have not begun when the work is stopped are left out.
+    If the work is stopped, solvers that have not begun are not in the result.
 
     Parameters
     ----------
@@ -338,10 +339,10 @@ def solvers_document(
 # -------------------------------------------------------------------------------------------------
 # The scaling study: solvers on synthetic scenes of many sizes, with several scenes of each size.
 #
-# The study follows figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over
-# temperature, and time and error over the number of targets and the number of steps. The seed of a
-# scene depends only on the seed of the study, the size and the number of the run, so that more
-# scenes do not change existing ones.
+# The study follows figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh. They show the error
+# as a function of the temperature, and time and error as functions of the number of targets and of
+# the number of steps. The seed of a scene depends only on the seed of the study, the size and the
+# number of the run. New scenes therefore do not change existing ones.
 
 Key = tuple[int, int, int]
 """Number of targets, number of steps, and run number of a scene."""

@@ -1,7 +1,7 @@
-"""Statistics over several jobs: intervals and tests of the cost on other truths like these.
+"""Statistics over several jobs: inference about the cost on other truths of the same kind.
 
 The sample is the set of truths. Jobs of one truth are added up, because they are not independent of
-each other. If there is only one truth, the sample is the set of its jobs, where copies of one run
+each other. If there is only one truth, the sample is the set of its jobs. Copies of one run then
 count as one job.
 """
 
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERMUTATIONS = 9999
-"""Number of random exchanges in a permutation test for which all exchanges are too many."""
+"""Largest number of exchanges that a permutation test tries.
+
+If there are more, the test tries this number of random exchanges.
+"""
 
 PERMUTATION_SEED = 1
 """Seed of the random exchanges. It is fixed, so that the same data have the same p values."""
@@ -31,7 +34,7 @@ CONFIDENCE = 0.95
 MIN_PAIRS = 6
 """Smallest number of pairs for a test. With n pairs, no two-sided p value is below 2 / 2^n.
 
-Six is the first n for which this is below 0.05.
+Six is the first n for which 2 / 2^n is below 0.05.
 """
 
 TIE = 1e-12
@@ -53,7 +56,7 @@ def intervals(
     """Return confidence intervals of combined values; each row has its own interval.
 
     A combined value is the root of a sum of n totals. The jackknife estimates its standard error.
-    The interval is that of its logarithm, by Student's t.
+    The interval is computed for the logarithm of the value, by Student's t.
 
     Parameters
     ----------
@@ -81,8 +84,8 @@ def intervals(
         ((side.sum(axis=1, keepdims=True) / per) ** (1 / order))[:, 0] for side in (lower, upper)
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
-    # The standard error of exact totals is at most value * sqrt(n / (n - 1)). This limits the
-    # margin, which can be larger if brackets are wide.
+    # The standard error of exact totals is at most value * sqrt(n / (n - 1)). Wide brackets can
+    # give a larger margin, so the margin is limited accordingly.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -92,8 +95,8 @@ def intervals(
 FEW_EVENTS = 10
 """Smallest number of runs with a cost above 0 for which intervals are those of the jackknife.
 
-With fewer, intervals use the share of such runs: the jackknife cannot estimate the spread of so few
-costs. If all runs have a cost, the jackknife is always used.
+With fewer such runs, the intervals use their share (`rare_intervals`): the jackknife cannot
+estimate the spread of so few costs. If all runs have a cost above 0, the jackknife is always used.
 """
 
 
@@ -102,10 +105,10 @@ def rare_intervals(
 ) -> tuple[Floats, Floats]:
     """Return confidence intervals of root mean squares, even if few runs have a cost above 0.
 
-    With fewer than `FEW_EVENTS` such runs, the interval of their share is computed (Clopper and
-    Pearson 1934). Its lower end is multiplied by the smaller of two costs: the mean cost of these
-    runs, and `typical`. Its upper end is multiplied by the larger of the two. Then the root is
-    taken. docs/theory/intervals.md has the coverage in simulations.
+    With fewer than `FEW_EVENTS` such runs, the confidence interval of their share is computed
+    (Clopper and Pearson 1934). The ends of this interval are multiplied by costs: the lower end by
+    the smaller one, and the upper end by the larger one, of the mean cost of these runs and
+    `typical`. Then the roots are taken. docs/theory/intervals.md has the coverage in simulations.
 
     Parameters
     ----------
@@ -143,8 +146,8 @@ def rare_intervals(
 def without_each(totals: Floats, order: Floats | float, steps: Floats | None = None) -> Floats:
     """Return the combined values with each total left out in turn, for the jackknife.
 
-    The sum of the other totals is scaled to n totals. With `steps`, it is divided by the steps of
-    the other totals instead.
+    The sum of the other totals is scaled to n totals. If `steps` is given, the sum is divided by
+    the steps of the other totals instead.
 
     Parameters
     ----------
@@ -218,8 +221,9 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
 Exchangeable = tuple[Floats, int]
 """One stratum of a permutation test: n values for each test (n, tests), and a number m.
 
-If m is above 0, the first m values are on the side whose sum is tested. An exchange chooses other m
-values. If m is 0, the values are differences of pairs. An exchange flips some of their signs.
+If m is above 0, the first m values are on the tested side, and the rest is on the other side. An
+exchange puts any m values on the tested side. If m is 0, the values are differences of pairs. An
+exchange flips the signs of some of them.
 """
 
 
@@ -228,8 +232,9 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
 
     All exchanges are tried, or `PERMUTATIONS` random ones if there are more. The statistic of a
     stratum is the sum of the tested side minus the sum of the other side. The other sum is scaled
-    to the same number of values. For differences of pairs, the statistic is their sum. Strata are
-    added up. SciPy has this test only for one stratum, and without allowance for rounding.
+    to the same number of values. For differences of pairs, the statistic is their sum. The
+    statistics of all strata are added. SciPy has this test only for one stratum, and without
+    allowance for rounding.
 
     Parameters
     ----------
@@ -258,7 +263,7 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data without any exchange are added, because the random exchanges can lack this case.
+    # The data without any exchange count as one more case: the random exchanges can lack it.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 

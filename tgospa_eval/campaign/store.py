@@ -1,8 +1,8 @@
 """Store of a batch: a folder with settings and parts. A part is a file with a row for each job.
 
-A part is written to a temporary file and then renamed. A process that is killed therefore leaves
-all finished parts and no incomplete part. If several rows have the same key, the latest row
-with the status "done" counts, or else the latest row.
+A part is written to a temporary file, and then renamed. If a process is killed, the store therefore
+has all finished parts and no incomplete part. If several rows have the same key, the latest row
+with the status "done" counts. If none of them has this status, the latest row counts.
 """
 
 import errno
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row in which a worker hands the steps of a job, by column, to the store."""
+"""Field of a row with the steps of a job, by column. A worker hands it to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns in the row of a job: number of its stored steps, and whether they have the curve."""
@@ -102,12 +102,13 @@ def read_part(path: Path) -> Iterator[None]:
 
 
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
-    """Return the fields for the row of a job that are about its steps.
+    """Return the fields about steps for the row of a job.
 
-    Without `per_step` the fields say that there are none. The steps have these columns: times as
-    they were read, the number of steps of the horizon up to each step, and costs in state units to
-    the power p. Columns of the curve have the value of an evaluation of only the steps up to each
-    step, and its bounds, as in `Result.curve`. They are NaN if the curve was not requested.
+    Without `per_step`, the fields say that no steps are stored. The steps have these columns: times
+    as they were read, the number of steps of the horizon up to each step, and costs in state units
+    to the power p. For each step, the columns of the curve have the value of an evaluation that
+    ends at this step, and its bounds, as in `Result.curve`. These columns are NaN if the curve was
+    not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -156,9 +157,10 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     Returns
     -------
     DataFrame
-        Columns of each step: ``job`` (index of the row of the job), ``steps`` (number of steps of
-        the horizon up to it), ``t`` as read, `COST_COLUMNS`, and `CURVE_COLUMNS` (NaN if not
-        requested). Columns of `OF_SOME_STEPS` are included where they exist.
+        A row for each step, with the columns ``job`` (index of the row of the job), ``steps``
+        (number of steps of the horizon up to this step), ``t`` as read, `COST_COLUMNS`, and
+        `CURVE_COLUMNS` (NaN if not requested). Columns of `OF_SOME_STEPS` are included where they
+        exist.
 
     Raises
     ------
@@ -377,7 +379,7 @@ class Store:
             write({**self.settings(), "expected": new["expected"]})
 
     def unfinished(self, done: int) -> str:
-        """Return a sentence if fewer jobs are done than the batch has; else a blank."""
+        """Return a sentence if not all jobs of the batch are done, else a blank text."""
         expected = self.settings().get("expected", 0)
         return f"{done:,} of {expected:,} jobs are done" if done < expected else ""
 
@@ -399,7 +401,8 @@ class Store:
     def rows(self) -> "pd.DataFrame":
         """Return one row for each job, sorted by labels.
 
-        It is the latest row of the job with the status "done", or else its latest row.
+        The row is the latest row of the job with the status "done", or its latest row if no row has
+        this status.
 
         Raises
         ------
@@ -425,7 +428,7 @@ class Store:
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
-        # A changed file has another key: the older row with the same paths no longer counts.
+        # If a file was changed, the job has another key. Its older row then no longer counts.
         same = [*labels, "truth", "estimate", "options"]
         latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
         latest["_done"] = latest["status"] == "done"
@@ -433,7 +436,7 @@ class Store:
         latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
         latest = latest.drop_duplicates(same, keep="last")
         kept = latest.sort_values(labels or "key", kind="stable").index
-        # Rows were selected by few columns; only now, all columns are converted.
+        # Few columns were enough to select rows. All columns are converted only for these rows.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
 

@@ -289,7 +289,7 @@ def _expected(
 def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
     """Yield a line for each kind of warning about the data, then for each kind of notice.
 
-    It has the first job and the number of other jobs.
+    The line names the first job with this message, and the number of other jobs.
     """
     for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
         having = rows[rows[column].notna()] if column in rows else rows[:0]
@@ -305,7 +305,7 @@ def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
 
 
 def _warnings(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the warnings of a job by code; the first of several is returned."""
+    """Return the warnings of a job by code; if several have the same code, the first of them."""
     records = json.loads(row["warnings"])[::-1]
     return {record["code"]: Notice(**record).sentence for record in records}
 
@@ -349,11 +349,12 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # -------------------------------------------------------------------------------------------------
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
-# By default, every run of a group counts at each time, with cost 0 at times without a step. In two
-# cases a run counts only while it is under way, from its first to its last step: the time axis is
-# given (`over`), or at most half of the runs are under way at any one time. Sums over time and over
-# runs are computed from left to right, with runs in the order of the jobs. Powers are those of
-# Python. A script that adds up single results therefore gets the same doubles.
+# By default, every run of a group counts at each time, with cost 0 at times without a step. A run
+# is under way from its first to its last step. In two cases it counts only while it is under way:
+# the time axis is given (`over`), or at most half of the runs are under way at any one time. Sums
+# over time and over runs are computed from left to right, with runs in the order of the jobs.
+# Powers are computed by Python. A script that adds up single results therefore gets the same
+# doubles.
 
 BAND_RESAMPLES, BAND_SEED = 1000, 1
 """Number of resamples of the bootstrap, and its seed."""
@@ -402,8 +403,8 @@ def rms_curves(
         Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
         Time axis: time since the start of each run, or timestamps. The default is timestamps.
-        Exception: it is the time since the start if the runs of a group hardly overlap. Then at
-        any one time, at most half of them are between their first and their last step.
+        Exception: if at most half of the runs of a group are between their first and their last
+        step at any one time, the default is the time since the start.
     """
     if steps is None:
         return [], []
@@ -424,7 +425,7 @@ def rms_curves(
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         about: list[str] = []
-        # A run counts if its steps are stored, or if it has none: then its cost is always 0.
+        # A run counts if its steps are stored. A run without steps counts, too: its cost is 0.
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
@@ -463,8 +464,9 @@ def _curves(
 ) -> Iterator[tuple[CurveKind, "_Runs", dict[str, Line], dict[str, list[float]], Bounds | None]]:
     """Yield the curves of these jobs, and add messages to `notes`.
 
-    A curve has its kind, its runs, lines by name, means by name, and bounds of the total, if any.
-    `shown` has the arguments `band` and `over` of `rms_curves`, and the number of different runs.
+    A curve is a tuple of its kind, its runs, lines by name, means by name, and bounds of the total
+    (or None). `shown` has the arguments `band` and `over` of `rms_curves`, and the number of
+    different runs.
     """
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
@@ -649,8 +651,8 @@ class _Runs:
     def is_scattered(self) -> bool:
         """True if, at more than half of all times, at most half of the runs have a step.
 
-        Only runs under way count at a time, from their first to their last step. Only times count
-        at which several runs are under way.
+        A run counts only while it is under way: from its first to its last step. A time counts only
+        if several runs are under way.
         """
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
@@ -748,7 +750,9 @@ class _Runs:
 
 
 def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
-    """Return the number of runs under way at each of `size` times: between first and last step.
+    """Return the number of runs that are under way at each of `size` times.
+
+    A run is under way from its first to its last step.
 
     `place` has the index of the time of each step, in order within each run. `runs` has the range
     of the steps of each run.
@@ -763,9 +767,9 @@ def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
 def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
     """Return the time of each step since the first step of its run.
 
-    The unit is seconds; if times are plain numbers, it is their unit. The arguments are all
-    different times, the index of the time of each step, the index of its run, and the number of
-    runs.
+    The unit is seconds, or the unit of the times if they are plain numbers. `read` has each time
+    once. For each step, `codes` has the index of its time, and `run` the index of its run. `runs`
+    is the number of runs.
     """
     times = parse_times(list(map(str, read)), floats)
     value = times.value[codes]

@@ -1,1 +1,1 @@
-"""The gate: judges new results by rules and a baseline; with suites, groups and reports."""
+"""Gate: judgement of new results by rules and a baseline, with suites, groups and reports."""

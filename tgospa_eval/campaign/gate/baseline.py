@@ -196,12 +196,12 @@ Baseline: TypeAlias = dict[str, Json]
 
 The fields of an entry are:
 
-- `values`: upper ends of brackets, `lower_bound`, the split, NEES and the summary if known, and the
-  values of classes under `by_class`
+- `values`: upper ends of brackets, `lower_bound` and `upper_bound`, parts and counts of the cost,
+  NEES and the summary if known, and the values of classes under `by_class`
 - `nights`: the values of earlier runs of the tracker (nights), the newest first
 - `options`: the options that were given
 - `parameters`: the parameters that change the number
-- `judged`: the evaluated data
+- `judged`: description of the evaluated data
 - `estimate_sha256`, `version`, `labels`: digest of the estimate, version of the program, and labels
 """
 
@@ -246,8 +246,9 @@ def make_entry(
 def with_nights(entry: Json, before: Json | None) -> Json:
     """Add the values of the entry `before` to a new entry, as earlier nights.
 
-    They are left out if their parameters or data differ. If both entries have the same estimate,
-    the new one replaces the newest night: the same values twice would show no spread.
+    Nothing is added if the parameters or the data of the two entries differ. If both entries have
+    the same estimate, the newest night of `before` is left out: the new entry has the same values,
+    and values that are there twice show no spread.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -266,7 +267,7 @@ def nights_of(entry: Json) -> list[Json]:
 def typical(entry: Json) -> Json:
     """Return the values of an entry as means over its nights.
 
-    Values that are roots, such as TGOSPA, are averaged as costs: mean first, root last.
+    Roots, such as TGOSPA, are averaged as costs: the root is taken of the mean cost.
     """
     nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
     if len(nights) == 1:
@@ -295,7 +296,10 @@ def typical(entry: Json) -> Json:
 
 
 def number_in(values: Json, name: str | None, path: str) -> float:
-    """Return a value of the class `name`, or of all classes if it is None; 0 if it is absent."""
+    """Return the value at `path`; 0 if it is absent.
+
+    It is the value of the class `name`, or that of all classes if `name` is None.
+    """
     own = values if name is None else values.get("by_class", {}).get(name, {})
     return float(value_at(own, path) or 0.0)
 
@@ -303,7 +307,8 @@ def number_in(values: Json, name: str | None, path: str) -> float:
 def lowest_in(values: Json, order: float, name: str | None, path: str) -> float:
     """Return the proven lower bound of a value, or the value if it has no bounds.
 
-    The bounds of a class are not stored: its gap is at most that of all classes.
+    The bounds of a class are not stored. The lower bound of a class is computed with the gap of all
+    classes, because the gap of one class is not larger.
     """
     value, total = number_in(values, name, path), number_in(values, name, "total")
     if path not in PROVEN or not total:
@@ -412,13 +417,13 @@ def in_conflict(path: str) -> bool:
 def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
     """Read a baseline from the text of a file; messages name it by `path`.
 
-    A merge conflict is accepted if `renewed` returns True for the names of all entries in conflict:
-    the update then makes these entries again.
+    A merge conflict is accepted if `renewed` returns True for the name of each entry in conflict.
+    An update of the baseline makes these entries again.
 
     Raises
     ------
     ConfigError
-        The text is not a baseline of this version, or it has a merge conflict.
+        The text is not a baseline of this version, or has a merge conflict that is not accepted.
     """
     name = f"{path}: is not a baseline"
     pairs: Baseline
@@ -456,7 +461,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
 
 
 def _values(paths: Iterable[str]) -> Json:
-    """Return the expected form of values at these paths: costs or counts."""
+    """Return the expected form of a JSON with a cost or a count at each of these paths."""
     return nested(dict.fromkeys(paths, COST))
 
 

@@ -1,25 +1,26 @@
 """Groups of a gate: runs with different seeds, added up and judged together.
 
-A group fails if its value is above the limit, and the seeds are an unlikely reason. There are two
-ways to show this. A test that uses the scatter of the runs supports that the tracker is worse than
-the limit allows. Or, for a rule on a total, there is a jump: one scene or run is far above the
-usual spread of its seeds (`jumps`). A group within its limit does not fail by a jump. With
+A group fails if its value is above the limit, and the choice of seeds is an unlikely reason. Two
+results show that the choice is an unlikely reason. The first is a significant test, which uses the
+scatter of the runs. The second is a jump, for rules on a total: one scene or run is far above the
+usual spread of its seeds (`jumps`). A group within its limit does not fail because of a jump. With
 `strict`, a group above its limit always fails. In three cases the sums are judged without a test:
-by absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
+under absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
 
 A run in which the tracker failed is dead. A dead run always fails, whatever the limit is. Let m be
-the largest number of states that a run of the scene missed in the baseline, without runs that
-missed all states. Let n be the number of all states of the new run. It is dead if it misses more
-than m + (n - m) / 2 states. If its number of misses is a jump, more than m + (n - m) / 4 is enough.
-A run that missed all states in each night of the baseline is allowed to miss all states again.
+the largest number of states that a run of the scene missed in the baseline; runs that missed all
+states do not count. Let n be the number of ground-truth states of a new run. The new run is dead if
+it misses more than m + (n - m) / 2 states. If its share of misses is a jump, more than
+m + (n - m) / 4 is enough. A run that missed all states in each night of the baseline is allowed to
+miss all states again.
 
-All groups of a table are also judged together, as one more group. This shows small changes that
-all groups have in common. `confidence` is that of the whole gate: a tracker that is as good as the
-limit fails in at most 1 - confidence of its gates, for any number of groups and rules. To this end
-p values are adjusted (Holm 1979, with weights). Each rule of each table has the same share of the
-error probability 1 - confidence. Of this share, `OF_ALL` belongs to the test of all groups
-together. Single groups share the rest equally. It is small, because jumps also find large changes
-of a single group.
+A table of a suite defines groups by one pattern. All groups of a table are also judged together, as
+one more group. This shows small changes that all groups have in common. `confidence` is that of the
+whole gate: a tracker that is as good as the limit fails in at most 1 - confidence of its gates, for
+any number of groups and rules. For this purpose, p values are adjusted (Holm 1979, with weights).
+Each rule of each table has the same share of the error probability 1 - confidence. Of this share,
+`OF_ALL` belongs to the test of all groups together. Single groups share the rest equally. The rest
+is small, because jumps also find large changes of a single group.
 """
 
 import math
@@ -62,13 +63,16 @@ FEWEST_RUNS = 5
 """Smallest number of runs for a test."""
 
 OF_ALL = 0.8
-"""Share of the error probability of a rule that the test of all groups together has."""
+"""Share of the test of all groups together in the error probability of a rule."""
 
 SHOWN = 5
 """Largest number of runs that a sentence names."""
 
 MIN_STATES = 10
-"""Smallest number of true states for which a run that reports some states can be dead."""
+"""Smallest number of ground-truth states of a dead run.
+
+Exception: a run that reports no states can be dead with fewer.
+"""
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
@@ -95,7 +99,8 @@ class SceneRuns:
     paired : bool
         Whether the new runs and the entries have the same names.
     added : mapping of str to Measured
-        Further new runs, if `paired`: without an entry they can only be dead or not.
+        Further new runs, if `paired`. They have no entry in the baseline. Only the rule on dead
+        runs judges them.
     """
 
     name: str
@@ -118,7 +123,7 @@ class SceneRuns:
 
     @cached_property
     def tested(self) -> tuple[list[int], list[int]]:
-        """Places of the new runs and of the runs of the baseline, without copies, for a test."""
+        """Indices of the runs that a test uses, new and of the baseline; copies are left out."""
         sides = self.data
         if self.paired:
             both: list[object] = [*zip(*sides, strict=True)]
@@ -129,7 +134,10 @@ class SceneRuns:
         return first, second
 
     def missed(self) -> Rises:
-        """Return how far the missed shares of the new runs rise above those of the baseline."""
+        """Return the rises of the missed shares of new runs above those of the baseline.
+
+        The missed share of a run is the share of the ground-truth states that it misses.
+        """
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
@@ -140,9 +148,9 @@ class SceneRuns:
         return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
 
     def dead(self, p_values: Floats) -> list[rules.Finding]:
-        """Return a finding for each dead run, as defined by this module.
+        """Return a finding for each dead run, by the definition in the docstring of this module.
 
-        `p_values` has for each new run the p value of the test that its missed share is a jump.
+        For each new run, `p_values` has the p value of the test that its missed share is a jump.
         """
         findings = []
         nights = [
@@ -232,7 +240,7 @@ def judge_groups(
     failed : iterable of str
         Pairs that could not be evaluated, so that their groups cannot be judged.
     strict : bool
-        Whether a group above its limit fails even if the seeds can be the reason.
+        Whether a group above its limit fails even if the choice of seeds can explain the excess.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -272,7 +280,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # The tests that Holm's method leaves undecided share the error probability.
+    # The tests that are not significant by Holm's method share the error probability.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -313,7 +321,10 @@ def judge_groups(
 
 
 def _warned(one: PairOutcome, warnings: Sequence[Notice], *, strict: bool) -> PairOutcome:
-    """Return the outcome with warnings; with `strict` it does not pass if it leaves out runs."""
+    """Return the outcome with these warnings; an outcome that is not comparable is unchanged.
+
+    With `strict`, a group does not pass if some of its new runs are not in the baseline.
+    """
     if one.verdict is rules.Verdict.INCOMPARABLE:
         return one
     if strict and not one.status and any(each.code == "not-in-baseline" for each in warnings):
@@ -323,10 +334,11 @@ def _warned(one: PairOutcome, warnings: Sequence[Notice], *, strict: bool) -> Pa
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Return a sentence about each sum of `column` that has a jump, by the id of the sum.
+    """Return a sentence about each sum that has a jump, by Python's `id` of the sum.
 
-    A rise is a jump if its p value is at most `error`. Only values with a proven bracket have
-    jumps: a small count, such as that of switches, has no scale for its size.
+    `column` has the sums of one rule, one for each group. A rise is a jump if its p value is at
+    most `error`. Only values with a proven bracket can have jumps. Counts cannot: for small counts,
+    such as that of switches, the size of a rise says little.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
@@ -354,8 +366,8 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
     """Return notes about groups with so few runs that the statistical test can never fail them.
 
-    `labels` has the labels of the pairs by name. `nights` is the smallest number of nights of an
-    entry of the baseline.
+    `labels` has the labels of the pairs by name. `nights` is the number of nights of the entry with
+    the fewest nights in the baseline.
     """
     notes = []
     columns = sum(len(table.rules) for table in tables)
@@ -383,7 +395,10 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
-    """Return one group of all groups of a table; none if there is one, or one cannot be judged."""
+    """Return a list of one group, with the scenes of all groups of a table.
+
+    The list is empty if the table has fewer than two groups, or if a group cannot be judged.
+    """
     if len(among) < 2 or any(group.faults for group in among):
         return []
     scenes = tuple(scene for group in among for scene in group.scenes)
@@ -397,7 +412,10 @@ def _groups(
     labels: Mapping[str, Labels],
     failed: Sequence[str],
 ) -> list[Group]:
-    """Return the groups of a table, sorted by name; pairs without the labels are left out."""
+    """Return the groups of a table, sorted by name.
+
+    Pairs without the labels in the pattern of the table are left out.
+    """
     runs_by_group: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
     for side, names in enumerate((now, old)):
         for name in sorted(names, key=natural):
@@ -480,12 +498,12 @@ def _group(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stratum:
-    """Runs that a test can exchange: those of one scene, or the nights of one run.
+    """Values that a test can exchange: of all runs of one scene, or of one run and its nights.
 
     Parameters
     ----------
     allowed : array, shape (n,)
-        Limit that follows from each of the n runs, or nights, of the baseline.
+        For each of n runs (or nights) of the baseline: the limit that follows from its value.
     now : array, shape (m,)
         Values of the m new runs, in the order of `allowed` if `paired`.
     paired : bool
@@ -512,8 +530,9 @@ class Stratum:
     def scatter(self) -> tuple[float, float]:
         """Return the sum of squared deviations of single values, and its degrees of freedom.
 
-        Values are shares of their mean. Exchanges do not change the results, because under the
-        hypothesis new runs and limits have the same mean.
+        Values are shares of their mean. Deviations are those from the mean of new values and
+        limits together (if `paired`, of each pair), because both have the same mean under the
+        hypothesis. Exchanges therefore do not change the results.
         """
         one = replace(self, weight=1.0).relative()
         if self.paired:
@@ -547,7 +566,7 @@ class Summed:
     group : Group
         Group whose runs are summed.
     part : pair of str
-        The class, if any, and the value of a run that is summed.
+        Name of a class, or None for all classes; and path of the value that is summed.
     base : float
         Sum of the baseline, scaled to the number of new runs.
     limit : float
@@ -565,7 +584,7 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if the value is tested: a scene has several seeds, and the rule limits a change.
+        """True if the value is tested: any scene has several seeds, and the rule limits a change.
 
         Absolute limits and values of assigned pairs are not tested.
         """
@@ -575,7 +594,7 @@ class Summed:
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
-        """Return for each scene its new values, and the limits of its runs in the baseline.
+        """Return for each scene the new values, and the limits that follow from the baseline.
 
         Each run in the baseline has one limit for each night.
         """
@@ -636,7 +655,7 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # Such a rise of all runs would have been detected, so only few runs are worse.
+                # If all runs had risen so much, the test would show it. So only few runs are worse.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
@@ -652,9 +671,10 @@ class Summed:
 
 
 def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratum]:
-    """Return the strata of a scene: one for each run if they are paired with nights, else one.
+    """Return the strata of a scene; copies of runs are left out.
 
-    `old` has the values of each run in the baseline, by night. Copies of runs are left out.
+    If the runs are paired and the baseline has several nights, each run is a stratum. Otherwise the
+    scene is one stratum. `old` has the values of each run in the baseline, by night.
     """
     first, second = scene.tested
     now, old, paired = now[first], [old[k] for k in second], scene.paired
@@ -670,7 +690,8 @@ def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratu
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
     """Return the strata of all scenes, with the weight 1 / variance of each scene.
 
-    The variance is that of values as shares of their mean. It is moderated as for jumps.
+    The variance is that of values as shares of their mean. It is moderated as in the module
+    `jumps`: the median variance of all scenes counts as much as `PRIOR` values of the scene.
     """
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
@@ -706,10 +727,11 @@ def _old(entry: Json, part: Part, *, low: bool = False) -> Floats:
 
 
 def _summed(rule: rules.Rule, group: Group) -> Summed | None:
-    """Sum the value of a rule over all runs.
+    """Sum the value of a rule over all runs of a group.
 
-    None if the value is not known, or if the group is not comparable. NEES is computed from joined
-    sums, and a number of the summary is a mean over the runs.
+    There are two exceptions: NEES is computed from its sums over all runs, and a number of the
+    summary is averaged over the runs. The result is None if the value is not known, or if the group
+    is not comparable.
     """
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
@@ -774,19 +796,19 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 
 
 # -------------------------------------------------------------------------------------------------
-# Tests, by runs with several seeds, that a sum has grown beyond a limit.
+# Permutation tests that a sum is above a limit. The tests need runs with several seeds.
 #
 # Runs are stratified: a stratum is one scene, whose runs differ only in their seed. If the baseline
 # has several nights of the same seeds, a stratum is one run with its nights. The hypothesis is that
-# the tracker is exactly as good as the limit. Then the new value of a seed and its limit can be
-# exchanged, which flips the sign of their difference (Fisher 1935, section 21). If the seeds differ
-# from those of the baseline, or if there are nights, all values of a stratum can be exchanged
-# (Pitman 1937).
+# the tracker is exactly as good as the limit. Under this hypothesis, the new value and the limit of
+# a seed can be exchanged. An exchange flips the sign of their difference (Fisher 1935, section 21).
+# If the seeds differ from those of the baseline, or if the baseline has several nights, all values
+# of a stratum can be exchanged (Pitman 1937).
 #
-# The statistic is the excess of the new runs over their limits, summed over all strata. In each
-# stratum it is a share of the mean of all values. Shares are used because noise grows with the cost
-# of a scene, and the costliest scene must not hide the other scenes. Each scene has the weight
-# 1 / variance of these shares, moderated as for jumps. Exchanges do not change means or weights.
+# The statistic is the excess of the new runs over their limits, summed over all strata. The excess
+# of a stratum is divided by the mean of its values, because noise grows with the cost of a scene:
+# the costliest scene must not hide the other scenes. Each scene has the weight 1 / variance of the
+# divided values (see `weighted`). Exchanges do not change means or weights.
 
 POWER = 0.8
 """Probability with which the test detects a change of the size that `noticeable` returns."""
@@ -795,7 +817,7 @@ POWER = 0.8
 def p_value(strata: Sequence[Stratum]) -> float:
     """Return the one-sided p value of the test that a sum is above its limit.
 
-    It is exact if the exchanges are few enough to try all.
+    The p value is exact if all exchanges can be tried.
 
     Parameters
     ----------
@@ -819,12 +841,12 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 
 
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
-    """Return about how far all runs must rise above the limit so that the test detects it.
+    """Estimate how far all runs must rise above the limit so that the test detects the rise.
 
-    The rise is a share of the limit. The test detects it with the probability `POWER`, estimated by
-    Student's t with the scatter of these runs. `needed` is the smallest number of runs for a test.
-    With exactly this number, each run has to be above the limit. The rise is infinite in three
-    cases: with fewer runs, without degrees of freedom, and with limits of 0.
+    The rise is a share of the limit. The test detects it with the probability `POWER`. This is
+    estimated by Student's t, with the scatter of these runs. `needed` is the smallest number of
+    runs for a test. With exactly this number, each run has to be above the limit. The rise is
+    infinite in three cases: with fewer runs, without degrees of freedom, and with limits of 0.
     """
     strata = [one.relative() for one in strata]
     freedom = sum(one.freedom for one in strata if one.freedom > 0)

@@ -99,8 +99,8 @@ def rules_of(
     Raises
     ------
     ConfigError
-        A rule is wrong. Or, with `default`, the baseline is missing but needed: no rule is given,
-        or a rule compares with the baseline.
+        A rule is wrong. Or `default` is true and there is no baseline, although one is needed: a
+        rule compares with the baseline, or no rule is given.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
@@ -149,12 +149,12 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Check that options of an update are given only for an update, and that it has a file.
+    """Check that an update has a file to write, and that its options are given only for an update.
 
     Raises
     ------
     ConfigError
-        An option needs an update, or the update has no file to write.
+        An option is only for updates, or the update has no file to write.
     """
     for name, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
@@ -207,8 +207,8 @@ def judge_pairs(
 ) -> Report:
     """Judge all groups and pairs, or update the baseline, and return a report.
 
-    `path` is that of the baseline, blank without one. `old` has its entries, if the file exists.
-    `source` says in messages where the pairs come from.
+    `path` is the path of the baseline, blank without a baseline. `old` has the entries of the
+    baseline, if the file exists. `source` says in messages where the pairs come from.
     """
     _check_options(gate, path)
     groups = tables_of(gate, pairs, groups)
@@ -318,7 +318,7 @@ def _judge_all(
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
     if len(wrong) == len(pairs) > 1 and len({*map(str, wrong)}) == 1:
-        raise wrong[0]  # the same for all pairs: a wrong option
+        raise wrong[0]  # all pairs have the same error: an option is wrong
     in_order = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in in_order if one.verdict is Verdict.ERROR]
@@ -335,7 +335,7 @@ def _judge_all(
 
 
 def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
-    """Return the values of a row, or its error; and further fields for the outcome of the pair."""
+    """Return two results: the values of a row or its error, and further fields of its outcome."""
     about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
     if "error" in row:
         return row["error"], about
@@ -361,7 +361,10 @@ def _updated(
     evaluated: Evaluate,
     source: str,
 ) -> Report:
-    """Renew the entries of all pairs, or those chosen by ``--only``; write none after an error."""
+    """Renew the entries of all pairs, or of those chosen by ``--only``.
+
+    After an error, no entry is written.
+    """
     chosen = [pair for pair in pairs if gate.chosen(pair.name)]
     faults = [
         pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault

@@ -1,19 +1,22 @@
 """Jumps: scenes and runs far above the usual spread of their seeds, found even with few seeds.
 
 The permutation test of `groups` makes no assumption about scatter. With few runs it therefore shows
-little: with six runs, the smallest p value is 1/64. A jump is recognised by its size instead. This
-needs three assumptions on the logarithms of costs, and on the arcsines of roots of missed shares:
+little: with six runs, the smallest p value is 1/64. A jump is recognised by its size instead. The
+size is that of transformed values: logarithms of costs, and arcsines of the roots of missed shares.
+A missed share is the share of its ground-truth states that a run misses. Three assumptions are
+needed:
 
-- They scatter equally from night to night, in all runs of a scene.
+- The transformed values scatter equally from night to night, in all runs of a scene.
 - Their distribution is about normal.
-- They scatter similarly in other scenes.
+- Their scatter is similar in all scenes.
 
 The variance of a scene is estimated from its own runs, and moderated by the other scenes (Smyth
 2004): the median of their variances counts as much as `PRIOR` values of the scene. The p value is
-that of Student's t, with the degrees of freedom of both added. This allows for heavy tails, and for
-scenes that scatter more. If the baseline has several nights, a run is a jump only if it rises
-further than any run of the baseline rose above its own other nights. tests/support/nights.py
-measures the error with simulated trackers.
+that of Student's t, with the degrees of freedom of the scene and of the other scenes added. This
+allows for heavy tails, and for scenes that scatter more. If the baseline has several nights, there
+is one more condition for the jump of a run: it must be larger than any rise of a night of the
+baseline above the other nights of the same run. tests/support/nights.py measures the error with
+simulated trackers.
 """
 
 import math
@@ -31,7 +34,7 @@ from tgospa_eval.results.consistency import chi_square
 FALSE_ALARMS = 0.0015
 """Probability that one gate finds a false jump, under the assumptions of this module.
 
-It was not exceeded for simulated trackers, whose scenes have a scatter of 0.12 to 0.34.
+Simulated trackers did not exceed this probability. The scatter of their scenes is 0.12 to 0.34.
 """
 
 OF_SCENES = 0.75
@@ -41,18 +44,18 @@ The share of runs is smaller, because dead runs are found separately.
 """
 
 PRIOR = 10.0
-"""Largest number of degrees of freedom with which other scenes enter a moderated variance."""
+"""Largest number of degrees of freedom of the other scenes in the variance of a scene."""
 
 MIN_SCATTER = 0.05
 """Smallest standard deviation of logarithms that is assumed.
 
-Without it, a small change of a deterministic tracker would be a jump.
+Without this minimum, a small change of a deterministic tracker would be a jump.
 """
 
 SMALLEST = 0.01
-"""Share of the mean of a scene that is added to each value before the logarithm is taken.
+"""Number that is added to each value before its logarithm is taken, because values can be 0.
 
-Some values are 0.
+The number is a share of the mean of the scene.
 """
 
 
@@ -60,7 +63,7 @@ Some values are 0.
 class Rises:
     """Rises of the new runs of a scene above their limits.
 
-    They are differences of logarithms or arcsines, so that all runs scatter equally.
+    A rise is the difference of two logarithms or arcsines, so that all runs scatter equally.
 
     Parameters
     ----------
@@ -79,8 +82,8 @@ class Rises:
     min_scatter : float
         Smallest standard deviation that is assumed for a single value.
     ever : float
-        Largest rise of a run of the baseline above its own other nights. It is divided by the root
-        of the variance of this rise, in the units of `size`.
+        Largest rise of a night of the baseline above the other nights of the same run. The rise is
+        divided by the root of its variance, in the units of `size`.
     """
 
     rises: Floats
@@ -109,8 +112,9 @@ class Rises:
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
         """Return the rises of the missed shares of new runs above those of the baseline.
 
-        A missed share is the share of the states of a truth that are missed. `old` has the shares
-        of each run of the baseline, by night. `states` is the mean number of states of a truth.
+        The missed share of a run is the share of the ground-truth states that it misses. `old` has
+        the shares of each run of the baseline, by night. `states` is the mean number of
+        ground-truth states of a run.
         """
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
@@ -129,7 +133,7 @@ class Rises:
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
         # The rise above the mean of the other nights is n / (n - 1) times the rise above the mean
-        # of all n nights. Its variance is n / (n - 1), too, in units of the variance of a value.
+        # of all n nights. In units of the variance of a value, its variance is also n / (n - 1).
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -148,7 +152,7 @@ class Rises:
         return self.squares + squares, self.freedom + len(self.rises) - 1
 
     def without(self, place: int) -> "Rises":
-        """Return the rises without one run, so that the run does not hide in its own scatter."""
+        """Return the rises of all runs but one, for a scatter without the run that is tested."""
         kept = np.arange(len(self.rises)) != place
         return replace(self, rises=self.rises[kept], size=self.size[kept])
 
@@ -156,12 +160,12 @@ class Rises:
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
     """Return for each scene its p value and those of its runs.
 
-    They are adjusted for the number of scenes and the number of runs.
+    The p values are adjusted for the number of scenes and the number of runs.
     """
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
-    # Below, the median of these variances is used. Sums of squares are therefore divided by the
-    # median of chi-square, which is below its mean.
+    # Only the median of these variances is used. Sums of squares are therefore divided by the
+    # median of chi-square. The degrees of freedom, its mean, would be too large.
     variances = np.divide(
         squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
     )
@@ -195,11 +199,11 @@ def _p_value(
     beside: tuple[float, float],
     min_scatter: float,
 ) -> float:
-    """Return the one-sided p value of a rise, by Student's t; 1 if it is not above 0.
+    """Return the one-sided p value of a rise, by Student's t; 1 if the rise is not above 0.
 
-    `size` is the variance of the rise in units of that of one value. `scatter` has the sum of
-    squares of the scene and its degrees of freedom. `beside` has the degrees of freedom and the
-    variance with which other scenes count.
+    `size` is the variance of the rise, in units of the variance of one value. `scatter` has the sum
+    of squares of the scene and its degrees of freedom. `beside` has the degrees of freedom and the
+    variance that stand for the other scenes.
     """
     from scipy.special import stdtr  # lazy: slow to import
 

@@ -138,7 +138,8 @@ class Report:
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
-        Target with the suite and the baseline by which pairs are judged; blank without a target.
+        Git revision or folder with the suite and the baseline by which pairs are judged; blank if
+        they are those of the working tree.
     tally : mapping of str to int
         Numbers of entries that an update renewed, kept and removed.
     notices : tuple of str
@@ -155,7 +156,7 @@ class Report:
     notices: tuple[str, ...] = ()
 
     def messages(self, *warnings: Notice) -> list[str]:
-        """Return messages that are no verdicts: the source of settings, warnings and notices."""
+        """Return the messages that are not verdicts: source of settings, warnings and notices."""
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
@@ -173,9 +174,10 @@ class Report:
 
     @property
     def advice(self) -> str:
-        """Command that accepts the failed pairs or tightens the baseline; blank without one.
+        """Command that accepts the failed pairs or tightens the baseline.
 
-        A command with characters that cannot be shown is blank too, because no one could copy it.
+        It is blank in two cases: there is no such command, or the command has characters that
+        cannot be shown, so that no one could copy it.
         """
         import shlex  # lazy: most gates pass
 
@@ -198,8 +200,9 @@ def evaluated_outcome(
 ) -> PairOutcome:
     """Return the outcome of a pair: its result is judged against its entry of the baseline.
 
-    Without an entry, all rules must be absolute limits. `noisy` means that the pair is one run
-    among several seeds: this single run cannot show an improvement. `about` has further fields.
+    Without an entry, all rules must be absolute limits. `noisy` is true if the pair is one run
+    among several seeds: a single run cannot show an improvement. `about` has further fields of the
+    outcome.
     """
     reasons = differences(entry, now) if entry else []
     if reasons:
@@ -293,9 +296,9 @@ def _judge_rule(rule: Rule, now: Measured, old: Json) -> Finding:
 def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return old and new value for each path at which two entries differ; paths begin with `name`.
+    """Return the old and the new value for each path at which two entries differ.
 
-    The value of ``tgospa`` is its upper bound.
+    All paths begin with `name`. The value of ``tgospa`` is its upper bound.
     """
     values = {path: (value_at(before, path), value_at(after, path)) for path in RULE_VALUES}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
@@ -384,7 +387,7 @@ def _absent(finding: Finding) -> str:
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
-    """Yield sentences on the change of these files, and on the inference about the tracker."""
+    """Yield sentences on the change between these files, and on what follows for the tracker."""
     rule, base = finding.rule, finding.base or 0.0
     now, limit, before = texts(finding.now.lower, finding.limit, base)
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
@@ -436,9 +439,10 @@ def of_its_runs(
     results: Mapping[str, Measured],
     old: Baseline,
 ) -> PairOutcome:
-    """Return an outcome; if it is that of a failed group, add notes on parts, scenes and runs.
+    """Add notes to the outcome of a failed group, and return it.
 
-    The notes name the parts of the cost that changed, the worst scenes and the worst runs.
+    The notes name the parts of the cost that changed, the worst scenes and the worst runs. Any
+    other outcome is returned unchanged.
     """
     sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
     parts = dict.fromkeys(PARTS, (0.0, 0.0))
@@ -499,7 +503,7 @@ def texts(*numbers: float) -> list[str]:
 def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
-    """Return outcomes of pairs of the baseline that are not among these names."""
+    """Return an outcome for each pair of the baseline that is not in `names`."""
     gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
@@ -547,8 +551,9 @@ def accepting_options(
 ) -> list[str]:
     """Return the options with which ``gate`` accepts pairs that failed or are not comparable.
 
-    If every outcome has exit status 0, return the options that accept the improved pairs. While
-    files are missing or wrong, no entry is removed, and no group is accepted for its missing runs.
+    If every outcome has exit status 0, return the options that accept the improved pairs. If the
+    file of any pair is missing or wrong, the options remove no entry, and accept no group that is
+    not comparable.
     """
     there = {pair.name: pair for pair in pairs}
     broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)

@@ -144,7 +144,7 @@ class Rule:
     is_minimum : bool
         Whether the limit is the smallest allowed value, instead of the largest.
     warns : bool
-        Whether a broken rule is only a warning.
+        Whether the rule only warns if it is broken.
     """
 
     text: str
@@ -177,7 +177,7 @@ DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, fl
 class Inference:
     """Statistical inference about a tracker, from runs with several seeds.
 
-    It goes beyond the proof, which is only about the files of these runs.
+    The inference goes beyond the proof: a proof is only about the files of these runs.
 
     Parameters
     ----------
@@ -254,12 +254,16 @@ class Finding:
 
     @property
     def proven(self) -> bool:
-        """True if the bounds prove the change: old and new values have the same ground truths."""
+        """True if the bounds prove the change from the baseline.
+
+        The new value must have proven bounds, and the seeds must be those of the baseline: with
+        other seeds, the runs of a group can have other ground truths.
+        """
         return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """True if the rule only warns, and is broken or undecided."""
+        """True if the rule is one that only warns, and if it is broken or undecided."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
@@ -279,9 +283,9 @@ class Finding:
 
 
 def judge(rule: Rule, now: Value, base: float | None, low: float | None = None) -> Finding:
-    """Judge whether a value keeps a rule; the verdict is undecided if its bounds do not prove it.
+    """Judge a value by a rule; the verdict is undecided if the limit is between the bounds.
 
-    `base` is the upper bound of the baseline, `low` its lower bound.
+    `base` is the upper bound of the value in the baseline, `low` is the lower bound.
 
     Raises
     ------

@@ -26,13 +26,16 @@ OPTION = "--against"
 
 
 class Target:
-    """Target of a gate; its files are read by the paths that they have in the working tree.
+    """Target of a gate: a git revision or a folder, with the files by which a branch is judged.
+
+    Methods receive the paths that these files have in the working tree.
 
     Parameters
     ----------
     where : str
-        A git revision such as ``origin/main``, or a folder with a checkout of the target. A folder
-        has a form that a revision cannot have: ``./target``, ``/target``, ``target/``.
+        A git revision such as ``origin/main``, or a folder with a checkout of the target. The path
+        of a folder must begin with a dot or a slash, or end with a slash: ``./target``,
+        ``/target``, ``target/``. A git revision cannot have these forms.
 
     Raises
     ------
@@ -97,7 +100,10 @@ class Target:
         return not self._with_folders.isdisjoint(_places(path))
 
     def has_another(self, path: str) -> bool:
-        """Return whether the working tree changed or lacks this file, or one in this folder."""
+        """Return whether this file, or a file in this folder, differs in the working tree.
+
+        A file that is absent from the working tree differs, too.
+        """
         if self.commit:
             return not self._changed.isdisjoint(_places(path))
         file = os.path.join(self.where, os.path.relpath(_file(path)))
@@ -114,7 +120,7 @@ class Target:
 
     @cached_property
     def _files(self) -> list[str]:
-        """Paths that all files of the target have in the working tree."""
+        """Path of each file of the target, as it is in the working tree."""
         if self.commit:
             tree = ("ls-tree", "-r", "-z", "--name-only", "--full-tree", self.commit)
             return self._listed(*tree)
@@ -126,7 +132,7 @@ class Target:
 
     @cached_property
     def _changed(self) -> set[str]:
-        """Files that the working tree changed or lacks, and their folders.
+        """Files of the target that are changed or absent in the working tree, and their folders.
 
         git compares the files, because it knows about line ends and large files stored elsewhere.
         """
@@ -160,7 +166,7 @@ DIFF = (
 
 
 def _file(path: str) -> str:
-    """Return the file of a path; for ``FILE.mat:X``, without the variable."""
+    """Return the file of a path: ``FILE.mat`` for the variable ``FILE.mat:X``."""
     named = re.match(WITH_VARIABLES, path)
     return named[1] if named else path
 
@@ -221,7 +227,8 @@ class GroupTable:
     Parameters
     ----------
     name : str
-        Pattern with labels in braces, ``"{scenario}"``; without labels all pairs are one group.
+        Pattern with labels in braces, such as ``"{scenario}"``. If it has no labels, all pairs are
+        one group.
     rules : tuple of Rule
         Rules of each group.
     confidence : float
@@ -259,8 +266,8 @@ def load_suite(
     known : mapping of str to bool
         Options that a suite can set, and whether each is a flag.
     target : Target, optional
-        Target from which the suite is read. If only the target has a file of a pair, the pair gets
-        a fault.
+        Target from which the suite is read. A pair gets a fault if the target has a file of the
+        pair, but the working tree does not.
 
     Raises
     ------
@@ -311,7 +318,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs; those that match a table of limits get its rules, too."""
+    """Return all pairs, with the rules of a table of limits added to the pairs that it matches."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -323,7 +330,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Add the rules `own` to other rules; those of ``fail-on`` replace the earlier ones instead."""
+    """Add the rules `own` to other rules; exception: ``fail-on`` in `own` replaces the other."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -333,7 +340,7 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
 def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
     """Return the groups that a table of a suite defines.
 
-    Each of their labels must be a label of some pair.
+    Each label in the pattern of the groups must be a label of some pair.
     """
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
@@ -355,7 +362,7 @@ def make_group(
     labels: Container[str],
     where: str,
 ) -> GroupTable:
-    """Check a pattern of groups, their rules and settings, and return them.
+    """Return the groups of a pattern, after a check of the pattern, the rules and the settings.
 
     Raises
     ------
@@ -398,9 +405,9 @@ def _pairs(
 ) -> Iterator[Job]:
     """Yield the pairs of a table.
 
-    Each truth makes a pair with each combination of the fields that only estimates have, such as
-    ``{tracker}``. `common` has options and rules for all pairs. Notices of skipped files are added
-    to `notices`.
+    Only estimates have some fields, such as ``{tracker}``. Each truth makes a pair with each
+    combination of the values of these fields. `common` has options and rules for all pairs. Notices
+    of skipped files are added to `notices`.
     """
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
@@ -449,13 +456,13 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
-    """Yield a pair with a fault for each file of the patterns that only the target has."""
+    """Yield a pair with a fault for each file that matches a pattern, but is only in the target."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():
         own = patterns.values_of(truth, folder, path)
-        # An estimate without fields of its own is expected for each truth. If it is missing, the
-        # pair of this truth shows it.
+        # An estimate without fields of its own is expected for each truth. If such an estimate is
+        # missing, the pair of its truth shows this.
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
