@@ -30,7 +30,7 @@ from tgospa_eval.tracks.trajectories import as_doubles, column_names
 AXES = 3
 
 LARGEST_ARRAY = 2**63
-"""Size in bytes that NumPy refuses; it counts an axis of size 0 like an axis of size 1."""
+"""Smallest size in bytes that NumPy refuses. It counts an axis of size 0 like an axis of size 1."""
 
 NAMES = {
     "x": ("x", "xState", "states"),
@@ -151,7 +151,7 @@ def array_rows(
     path : str
         Beginning of messages.
     arrays : mapping of str to array
-        Variables by name, see `NAMES`. Without a name of states or particles, the only array with
+        Variables by name, see `NAMES`. If no name means states or particles, the only array with
         three axes has the states.
     options : ReadOptions
         Options of reading.
@@ -398,7 +398,7 @@ def _oriented(
 def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
     """Return whether an array can have the axes `way`, and add their sizes to `sizes`.
 
-    With `drop`, missing last axes are axes of size 1, which MATLAB drops.
+    With `drop`, the array may lack last axes, as MATLAB drops last axes of size 1.
     """
     if drop:
         shape += (1,) * (len(way) - len(shape))

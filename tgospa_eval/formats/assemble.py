@@ -1,7 +1,7 @@
 """Conversion of the rows of a file to Trajectories: filters, duplicates and order.
 
-An (id, t) is the id and the time of a row. Each row has a number as its key. Rows that are sorted
-by key are in the order of steps, and within a step in the order of tracks.
+Here, (id, t) means the id and the time of a row. The key of a row is a number that stands for its
+step and its track. Rows that are sorted by key are sorted by step, and within a step by track.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -35,7 +35,7 @@ AIS_UNKNOWN = (91.0, 181.0)
 
 
 def rules_said() -> dict[str, str]:
-    """Return, by the name of a rule, the end of the message about rows that the rule leaves out."""
+    """Return the end of the message about left-out rows, by the name of the rule for them."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -60,8 +60,8 @@ def centres_compared() -> str:
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     """Build the trajectories of the rows that take part, and count left-out rows by rule.
 
-    A row counts under the first rule that leaves it out. All times of the file within the range of
-    time stay steps, even if no row is left at a step.
+    A row counts under the first rule that leaves it out. Each time of the file within the range of
+    time is a step, even if all its rows are left out.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    # The range of time is first: of a file that is read in parts, only this range is read.
+    # The range of time comes first. If a file is read in parts, no other rows are read at all.
     timestamps, step, labels = _grid(rows, options, choice)
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
@@ -102,7 +102,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
         particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
     _keep_region(rows, options, particles, choice)
-    droppable = format != "frame" and particles is None  # the weights of a cloud belong together
+    droppable = format != "frame" and particles is None  # a cloud stays whole
     _check_states(rows, state, options, choice, droppable=droppable)
     chosen = None if choice.all() else np.flatnonzero(choice.mask)
     taken, ordered = _by_key(key, chosen)
@@ -181,7 +181,7 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
-    """Yield notices about rows that count although a column that is not used may exclude them."""
+    """Yield notices about rows that count, although an unused column may mark them as excluded."""
     roles = rows.roles
     side = roles.options.option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
     for column in roles.flags:
@@ -216,8 +216,8 @@ NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
     """Yield warnings about doubtful ids.
 
-    These are ids that may mean "no track", that may be swapped with times, that differ in every
-    row, or that restart in each group (`headers.GROUP`).
+    Ids are doubtful if they may mean "no track", are rounded numbers, may be swapped with times,
+    may number rows, or restart in each group (`headers.GROUP`).
     """
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
@@ -270,9 +270,13 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
 
 
 def _may_number_rows(rows: Rows, taken: Ints, *, repeated: bool = False) -> bool:
-    """Return whether ids number the rows of each step, are `repeated`, or another column has fewer.
+    """Return whether ids seem to number rows, while another column has the ids of the tracks.
 
-    The other column must name each row of a step, and must not have the same tracks.
+    Three conditions must be true; with `repeated`, the first is enough.
+
+    - The other column has a value in each row, and each value only once in a step.
+    - At least one of its values occurs with several ids.
+    - It has fewer distinct values than the ids, or ids number the rows of each step in order.
     """
     column = rows.roles.other_id
     if column is None or column not in rows.attributes or not len(taken):
@@ -296,7 +300,10 @@ PLACED = ("left", "top", "width", "height")
 
 
 def _exchanged(roles: Roles, options: ReadOptions) -> list[str]:
-    """Return the names of the columns with ids and times exchanged; empty if nobody named them."""
+    """Return the names of the columns, for the option, with ids and times exchanged.
+
+    The list is empty if neither the user nor a format with boxes names ids and times.
+    """
     if roles.fixed and "left" in roles.headers:
         placed = [name if name in PLACED else "-" for name in roles.headers]
         placed[roles.id], placed[roles.time] = "t", "id"
@@ -397,8 +404,8 @@ def said_of(rule: str, count: int, which: str) -> str:
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
     """Yield notices about requested classes that are missing or spelled in another way.
 
-    `there` has the classes of the file. With `whole`, a requested name also means the only class
-    that differs from it just in upper and lower case.
+    `there` has the classes of the file. If `whole` is True, no class of the file is missing in it.
+    Then a requested name also means a class that is spelled in another way (see `class_named`).
     """
     requested = {name.strip() for name in options.classes or ()}
     for name in sorted(requested):
@@ -442,8 +449,8 @@ class _Choice:
 def _may_pass_midnight(times: TimeArray) -> bool:
     """Return whether times may span more than half a day.
 
-    The sorted times are compared as if they were in seconds. Other units span larger numbers, so
-    they also pass. Most files do not, and for these `over_midnight` is not needed.
+    The times are sorted. They are compared as if they were in seconds; in smaller units, half a day
+    is a larger number, so the result is True, too. If it is False, `over_midnight` is not called.
     """
     return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
@@ -451,10 +458,10 @@ def _may_pass_midnight(times: TimeArray) -> bool:
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
-    """Return the distinct times in order, the step of each row, and the texts of these times.
+    """Return the distinct times in order, the step of each row, and the text of each distinct time.
 
-    There are no texts (None) if times are numbers. Only times within the range of time are
-    returned; rows outside this range are left out.
+    The texts are None if times are numbers. Only times within the range of time are returned, and
+    rows outside this range are left out.
     """
     times = rows.times
     if options.day_begins is not None:
@@ -516,7 +523,7 @@ def _values(rows: Rows, column: int) -> Values:
     Raises
     ------
     InputError
-        The column may have the weights of particles, and a value is not a number.
+        The column is that of the weights, and one of its values is not a number.
     """
     roles = rows.roles
     if column in rows.attributes:
@@ -588,7 +595,8 @@ def _check_states(
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
         leave_out(infinite, "", "a box too large for a number", "; use another unit")
-    # Boxes of -1 are unknown, and `by_place` reads another position, or reads again with `hidden`.
+    # If all sizes are -1, boxes are unknown. They are not checked here, as `by_place` reads other
+    # columns of positions, or reads these again with the option `hidden`.
     again = rows.roles.fixed and rows.whole and not (options.hidden or options.boxes)
     unknown = again and _idle(rows, options) and (rows.roles.mixed(rows.numbers, sizes) == -1).all()
     for name, size in zip(("width", "height"), () if unknown else sizes, strict=False):
@@ -665,7 +673,10 @@ def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
 def _classes(
     rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
 ) -> tuple[tuple[str, ...], Ints | None]:
-    """Return the names of the classes, and the index of the class of each row, if requested."""
+    """Return the names of the classes, and for each of the rows `taken` the index of its class.
+
+    The result is ``((), None)`` if classes are not requested, or the file has none.
+    """
     if not options.by_class or rows.classes is None:
         return (), None
     names, number = rows.classes
@@ -749,7 +760,7 @@ PARTICLES_HINT = 'if the rows are particles of one object, add a column "weight"
 ONLY_DETECTIONS = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
-"""Smallest share of rows with one id for which a message says that nearly every id is this one."""
+"""Smallest share of equal ids for which a message says that nearly every id is the same."""
 
 
 def only_detections(name: str) -> str:

@@ -231,10 +231,10 @@ def carried(times: Times, begins: float, name: str) -> Times:
 def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int, str] | None:
     """Return the first row that seems to begin a new day, with a remedy.
 
-    The times must be times of day. In the order of the file, such a row is more than half a day
-    earlier than the previous row of its track. The result is None if there is no such row. It is
-    also None if a row is more than half a day later than the previous row of its track: then the
-    rows are not in the order of time.
+    Such a row is more than half a day earlier than the previous row of its track in the file. The
+    result is None in three cases: there is no such row; the times are not times of day; or the rows
+    are not in the order of time, as one is more than half a day later than the previous row of its
+    track.
 
     Parameters
     ----------
@@ -271,9 +271,9 @@ CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S
 
 
 def calendar_format(timestamps: TimeArray) -> str:
-    """Return the format of numbers that all are dates, such as 20260301120058; else a blank.
+    """Return the format of numbers that look like dates, such as 20260301120058.
 
-    The format is ``"?"`` if only some have fractions.
+    The result is blank if not all numbers are dates, and ``"?"`` if only some have fractions.
     """
     if len(timestamps) < 2 or not 1.9e7 < timestamps[0] <= timestamps[-1] < 2.2e16:
         return ""

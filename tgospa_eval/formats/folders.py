@@ -74,8 +74,8 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     Raises
     ------
     InputError
-        A line is not of YOLO or has no id, or names of files do not end in the number of a frame,
-        or they are of several videos.
+        A line is not of YOLO or has no id, a name of a file does not end in the number of a frame,
+        or the files are of several videos.
     """
     rows, places, names = [], [], set()
     for stem, place, words in _lines(path, data, options):

@@ -142,10 +142,10 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 def folder_format(path: str) -> str:
     """Return the format of a folder that is the truth or the estimate as a whole.
 
-    Such a folder has the tables of nuScenes, or files of TUM, CSV files without ids, or files of
-    YOLO. A file of TUM has eight numbers in each line. A file of TUM or a CSV file without ids has
-    one trajectory. A file of YOLO has the boxes of one frame. The result is blank for any other
-    path.
+    Such a folder has one of these contents: the tables of nuScenes, files of TUM, CSV files without
+    ids, or files of YOLO. A file of TUM has eight numbers in each line. A file of TUM and a CSV
+    file without ids have one trajectory each. A file of YOLO has the boxes of one frame. The result
+    is blank for any other path.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
@@ -238,7 +238,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:
-    """Return whether all lines have ten fields, the last being class, truncation and occlusion."""
+    """Return whether all lines have ten fields that end in class, truncation and occlusion."""
     return all(
         len(fields) == 10
         and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
@@ -282,7 +282,7 @@ COMMENTS = ("#", "%", "//")
 def foreign(line: str) -> str:
     """Return what a first line seems to be instead of a header, with a remedy; blank if unknown.
 
-    This is only for a line that is not understood as a header, as a header can begin with the same
+    The line must be one that is not understood as a header, as a header can begin with the same
     marks.
     """
     line = line.strip()

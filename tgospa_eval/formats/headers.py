@@ -37,8 +37,8 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
     """Return the positions of the columns that are shared by all objects.
 
-    These are the columns that belong to no object. A column is left out if its header is ``id`` or
-    the name of a column of the objects.
+    A shared column belongs to no single object. Two kinds of such columns are not returned: a
+    column ``id``, and a column with a name that columns of the objects also get, such as ``x``.
     """
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
@@ -94,10 +94,9 @@ SKIPPED = ("-", "_")
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """Return, for each file, its columns and the names that are mapped for all files.
+    """Return, for each file, its columns, and the names that are mapped in `shared` only.
 
-    One file is allowed to lack the headers to which these names are mapped. A name that the file
-    maps itself is not among them.
+    One file is allowed to lack the headers to which these names are mapped.
 
     Parameters
     ----------
@@ -130,7 +129,7 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
     """Return the header of each mapped name, and the names of the state columns in order.
 
     Edges of boxes and entries of covariances are state columns only if they are named without
-    ``=``; weights never are.
+    ``=``. Weights are never state columns.
     """
     mapped: dict[str, str] = {}
     wanted: dict[str, None] = {}  # an ordered set
@@ -272,16 +271,20 @@ UNITS = {
     **dict.fromkeys(("lat", "lon"), DEGREES),
     "alt": ("m", "meter", "meters", "metre", "metres"),
 }
-"""Units that may follow the name in a header. So lat_rad is not read: it is not in degrees."""
+"""Units that may follow the name in a header, by name.
+
+For example, ``lat_deg`` is read as ``lat``, but ``lat_rad`` is not."""
 
 HINTS = {
     "id": "id$|mmsi|hex|icao|trac?k|trk|traj|obj|target|call_?sign|flight|name|who",
     "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
-"""Patterns of headers to suggest for a column that no header names, not even by an alias."""
+"""Patterns of headers that may be ids or times, although they are no aliases; for suggestions."""
 
 AXIS_PAIRS = {("x", "y"): "xy", ("east", "north"): "xy", ("lat", "lon"): ("lat", "lon")}
-"""Names of the two columns of a position, by the parts in which their headers may differ."""
+"""Names for the two columns of a position, by the only parts in which their headers differ.
+
+For example, ``pos_east`` and ``pos_north`` are x and y."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
@@ -298,20 +301,21 @@ NO_PLACE = (
     "force|torque|length|goal|dim|extent|norm|scale|offset|shift|delta|wind_"
 )
 PLACE = "pos|cent|trans|utm|loc|coord|east|^[pt]_?x"
-"""Patterns of headers that are not proposed as ids and as positions, and of likely positions."""
+"""Three patterns: headers never proposed as ids, headers never proposed as positions, and headers
+of likely positions."""
 
 SIDES = {
     "truth": {"gt", "truth", "groundtruth", "true", "ref", "reference", "actual"},
     "estimate": {"est", "estimate", "estimated", "pred", "predicted", "hat", "tracker"},
 }
-"""Words in headers of the positions of one side, in a table with the positions of both."""
+"""Words in headers of positions that tell the side, if a table has the positions of both sides."""
 
 AIRCRAFT_OR_SHIP = re.compile(
     "hex|icao.*|mmsi|imo|call.?sign|flight.*|registration|tail.*|squawk", re.IGNORECASE
 )
 SPEEDS = re.compile("speed|(ground.?)?speed.*|gs|sog|velocity|.*knots", re.IGNORECASE)
 COURSES = re.compile("heading|course|cog|direction|bearing", re.IGNORECASE)
-"""Patterns of headers next to which ``track`` is a direction in degrees, or is not."""
+"""Patterns of headers of a table that tell if its column ``track`` is a direction in degrees."""
 
 
 GROUP = re.compile(
@@ -385,8 +389,8 @@ class Headers:
     def find(self, name: str, *, plainly: bool = False) -> int | None:
         """Find the position of a column, or return None.
 
-        A column that the user has mapped is found by its header only. Otherwise its name is tried,
-        and then its aliases; with `plainly`, aliases are not tried.
+        A column that the user has mapped is found by its header only. For any other column, its
+        name is tried, and then its aliases; with `plainly`, aliases are not tried.
 
         Raises
         ------
@@ -437,10 +441,11 @@ class Headers:
         return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
-        """Yield a notice if the column `name` was found by an alias and other headers would fit.
+        """Yield a notice if other headers would also fit the column `name`.
 
-        The same holds for a column ``id``. `unused` has the headers of the columns that are not
-        used; only these are named.
+        There is no notice if the user mapped the column, or if its header is equal to `name`. An
+        exception is a header ``id``: other headers may still be better ids. `unused` has the
+        headers of unused columns, and the notice names only these.
         """
         if name in self.mapped or (name != "id" and self.spelt(name, name) is not None):
             return
@@ -483,11 +488,11 @@ class Headers:
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Guess by their words which headers are the missing columns; return a header by name.
+        """Guess by words in the headers which are the missing columns; return a header by name.
 
-        `wanted` has the names of the missing columns. The name ``position`` stands for two
-        coordinates, whatever they are called. `used` has the positions of headers with another
-        role.
+        `wanted` has the names of the missing columns. In it, ``position`` stands for the two
+        coordinates of a position, such as x and y or lat and lon. `used` has the positions of
+        headers with another role.
         """
         free = self.free(used)
         guesses: dict[str, str] = {}
@@ -502,7 +507,7 @@ class Headers:
         return guesses | pairs[0] if "position" in wanted and len(pairs) == 1 else guesses
 
     def free(self, used: set[int], other: str = NO_HINT) -> list[str]:
-        """Return the headers that may be mapped to missing columns; `other` matches the rest."""
+        """Return the headers without a role, except those that the pattern `other` matches."""
         return [
             name
             for k, name in enumerate(self.names)
@@ -569,8 +574,8 @@ def _aliases(name: str) -> tuple[str, ...]:
 def _keys(header: str) -> Iterator[tuple[str, str]]:
     """Yield the ways to read a header, as pairs of a name in one word and a unit.
 
-    The first has all words in the name, and a blank unit. In the second, the last word or the text
-    in brackets is the unit.
+    In the first pair, the name has all words, and the unit is blank. In the second pair, the last
+    word or the text in brackets is the unit.
     """
     header = header.removeprefix("field.")  # rostopic echo -p writes this prefix
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
@@ -593,8 +598,9 @@ DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     """Remove mappings to missing headers that another file may have; return a message by name.
 
-    Such a name was mapped for all files (`ReadOptions.shared`), or it is an entry of covariances
-    and the file has no covariances. The message is raised later if all files lack the header.
+    This is done for names that were mapped for all files (`ReadOptions.shared`), and for entries of
+    covariances if the file has no covariances. If all files lack the header, the message is raised
+    later.
 
     Raises
     ------

@@ -45,8 +45,8 @@ def more_memory() -> str:
 MODEST = 1e8
 """Memory in bytes that every machine is assumed to have.
 
-If reading needs no more, the available memory is not looked up. That would take longer than reading
-a small file."""
+If reading needs no more, the available memory is not looked up, as this takes longer than reading a
+small file."""
 
 
 def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
@@ -61,8 +61,8 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
     file : int
         Size of the file in bytes.
     limit : float, optional
-        Allowed memory in GB; 0 means no limit. The default is the available memory. If reading
-        takes more than `UNPACKED` times the size of the file, it is at most `DEFAULT_GIGABYTES`.
+        Allowed memory in GB; 0 means no limit. The default is the available memory, but at most
+        `DEFAULT_GIGABYTES` if reading takes more than `UNPACKED` times the size of the file.
     what : str
         Content of the file, for the message.
 

@@ -4,13 +4,14 @@ The published code has a structure for n trajectories, T steps and d components:
 
 - ``tVec`` (n,) is the first step of each trajectory, counted from 1.
 - ``iVec`` (n,) is its length in steps.
-- ``xState`` (d, T, n) has the states by step. Only states within a trajectory count. NaN there
-  means that the target is absent.
+- ``xState`` (d, T, n) has the states by step. Only states from the first to the last step of a
+  trajectory count. Among these, NaN means that the target is absent.
 
-A set may also be arrays as in `formats.arrays`, in a structure or as variables. In toolboxes of
-random finite sets it is two cells with an element for each step k: ``X{k}`` (d, n_k) has the states
-of n_k objects, and ``L{k}`` (l, n_k) has their labels. A cell or a structure array may have a whole
-set in each element: the runs of a Monte Carlo study.
+A set of trajectories may also consist of arrays as in `formats.arrays`, which are fields of a
+structure or variables of the file. In toolboxes of random finite sets, a set consists of two cells
+with an element for each step k: ``X{k}`` (d, n_k) has the states of n_k objects, and ``L{k}``
+(l, n_k) has their labels. Finally, each element of a cell or a structure array may be a whole set,
+such as one run of a Monte Carlo study.
 """
 
 import io
@@ -53,16 +54,18 @@ Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
 """Fields of a structure, elements of a cell, or real numbers; None for anything else."""
 
 Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
-"""Variables of a file by name: sizes of an array (else empty), and a callable to read the value."""
+"""Variables of a file by name, each with the sizes of its axes and a callable that reads its value.
+
+The sizes are empty if the variable is not an array."""
 
 Room = Callable[[int, str], None]
 """Callable that receives a size in bytes and words for a message; it raises if memory is short."""
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 5 (-v6, -v7). One damaged file in fifty makes SciPy end the process, so a helper process
-# reads all files. SciPy also unpacks as much as a file claims to contain, so compressed data are
-# unpacked here, as far as memory allows.
+# Files of version 5, which MATLAB saves with -v6 and -v7. One damaged file in fifty makes SciPy end
+# the process, so all files are read in a helper process. SciPy also unpacks as much as a file
+# claims to contain, so compressed data are unpacked here, as far as memory allows.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
 """First bytes of a file of version 5."""
@@ -113,9 +116,9 @@ def _variables(data: bytes, room: Room) -> Variables:
 def _read(
     header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
 ) -> Value:
-    """Read a variable.
+    """Read a variable, after a check that its bytes can have so many elements `cells`.
 
-    Its size is checked before, as SciPy creates all `cells` that a damaged file claims to have.
+    Without this check, SciPy would create all elements that a damaged file claims to have.
     """
     from scipy.io import loadmat
 
@@ -167,7 +170,7 @@ def _fields(element: Any) -> Value:
 MAT_73 = b"MATLAB 7.3 MAT-file"
 
 EMPTY, CLASS = "MATLAB_empty", "MATLAB_class"
-"""Attributes of HDF5 that mark an empty array, and that have the class of a value in MATLAB."""
+"""Names of two attributes in HDF5: the mark of an empty array, and the MATLAB class of a value."""
 
 
 def _elements(fields: Structure, group: Any) -> Value:
@@ -200,7 +203,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fapl_core(backing_store=False)
     access.set_file_image(data)
-    image = os.fsencode(os.path.join(path, "image"))  # no such file: it would be below a file
+    image = os.fsencode(os.path.join(path, "image"))  # it cannot exist, as path is a file
 
     def is_here(group: Any, name: str) -> bool:
         return isinstance(group.get(name, getlink=True), h5py.HardLink)
@@ -222,7 +225,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
         room(item.nbytes, name)
         values = np.asarray(item[()]).T
-        if item.attrs.get(EMPTY):  # the values are the dimensions
+        if item.attrs.get(EMPTY):  # the stored values are the sizes of the empty array
             sizes = [int(size) for size in values.ravel()]
             if 0 not in sizes:
                 raise ValueError(f"{name} is marked empty, but is not")
@@ -259,7 +262,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     ------
     InputError
         The file is not a MAT file, or it is not clear which set of trajectories to read. Or truth
-        and estimate would be the same set of one file, and not both paths name it.
+        and estimate would be the same set of one file; this is allowed only if both paths name it.
     ConfigError
         The file needs h5py, which is not installed.
     """
@@ -273,7 +276,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
-    """Return the names of all sets of trajectories: ``X``, and for a cell ``Y{1}``, ``Y{2}``, ...
+    """Return the names of all sets of trajectories: ``X``, or ``Y{1}``, ``Y{2}``, ... for a cell.
 
     Raises
     ------
@@ -293,7 +296,7 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
     Raises
     ------
     InputError
-        The file is not a MAT file of version 5 or 7.3, damaged, or too large.
+        The file is damaged, too large, or not a MAT file of version 5 or 7.3.
     ConfigError
         The file needs h5py, which is not installed; or a process cannot be started.
     """
@@ -414,7 +417,7 @@ def _size(value: Value) -> int:
 
 
 def _by_step(fields: Structure, name: str) -> Structure:
-    """Convert cells, which have the states and labels of each step, to arrays by step and track.
+    """Convert the cells with the states and labels of each step to arrays by step and track.
 
     Raises
     ------
@@ -458,8 +461,8 @@ def _by_step(fields: Structure, name: str) -> Structure:
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
     """Return the names of variables that have states by step.
 
-    Such a variable has three axes, or there is also a variable with times. `sizes` has the sizes of
-    all variables.
+    Their names are names of states or particles (`arrays.NAMES`). Each also has three or more axes,
+    unless another variable has times. `sizes` has the sizes of all variables.
     """
     kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
@@ -502,7 +505,8 @@ class _Sets:
     def fields(self, name: str) -> Structure:
         """Return the fields of the set ``X`` or ``Y{3}``.
 
-        If the set is an array, its fields are this variable and others that belong to it.
+        If the set is an array, its fields are this array and variables that belong to it, such as
+        times.
 
         Raises
         ------
@@ -573,8 +577,8 @@ class _Sets:
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
         """Check that truth and estimate are different variables, if they are in this file.
 
-        `sides` has path, file and role of both. It is empty if nothing needs to be checked: they
-        are in two files, or both paths name a variable.
+        `sides` has the path, file and role of both. It is empty if no check is needed, because both
+        paths name a variable, or truth and estimate are in two files.
 
         Raises
         ------
@@ -586,7 +590,7 @@ class _Sets:
         try:
             name, other = (self.chosen(*side) for side in sides)
         except InputError:
-            return  # reported when it is read
+            return  # the error is reported when the side is read
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
@@ -597,7 +601,8 @@ class _Sets:
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
         """Yield notices about unused variables.
 
-        If the path names no variable, also yield a notice that says which one was chosen.
+        Also yield a notice that says which variable was chosen, if the path names none, and there
+        are several sets or the usual variable is not a set.
         """
         default = VARIABLES[role][0]
         if name in self.arrays:
@@ -615,7 +620,7 @@ class _Sets:
             yield f"variable {name}; {default} is {NO_SET}"
 
     def _firsts(self) -> list[str]:
-        """Return a name for each variable that has sets; for a cell, that of its first element."""
+        """Return a name for each variable with sets; a cell is named by its first element."""
         return [_run(name, 1) if count else name for name, count in self.there.items()]
 
     def _all(self) -> str:

@@ -52,13 +52,14 @@ quotes or is not a number."""
 def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str], way: str) -> Mask:
     """Return a mask of the rows that fulfil a comparison.
 
-    A blank does not fulfil any comparison with a number. Compared with a text, it is an empty text.
-    `at` returns the place of a row, and `way` is the option, both for messages.
+    A blank fulfils no comparison with a number. In a comparison with a text, a blank counts as an
+    empty text. `at` returns the place of a row, and `way` is the option, both for messages.
 
     Raises
     ------
     InputError
-        A column of numbers is compared with a text, or a text in the column with a number.
+        A column of numbers is compared with a text that is not a number. Or a column is compared
+        with a number, and has a text that is not a number.
     """
     column, mark, value = comparison
     compare = COMPARED[mark]
@@ -289,9 +290,10 @@ def _splits(text: str, count: int) -> Iterator[list[str]]:
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:
-    """Return the class of this name, or None.
+    """Return the class with this name.
 
-    If there is no such class, but exactly one whose name `is_alike`, return that.
+    If there is none, return the only class whose name `is_alike`; None if there is no such class,
+    or several.
     """
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
@@ -364,7 +366,8 @@ class ReadOptions:
     also : tuple of str
         Further classes of the rows to read, if `classes` is given.
     kept : tuple of str
-        Names of rules of the format that are not applied: the rows stay, see `Rows.excluded`.
+        Names of rules of the format that are not applied. Such a rule leaves out no rows, see
+        `Rows.excluded`.
     regions : bool
         Whether to read also the boxes that mark ignored regions instead of objects, see
         `Reading.regions`.
@@ -399,9 +402,9 @@ class ReadOptions:
         Memory in GB that reading may take; 0 means no limit. The default is the available memory,
         and at most 4 GB for a file that is much smaller than its content.
     shared : tuple of str
-        Names in `columns` that were mapped for several files, and ``"class"`` if a filter by class
-        was. If a file lacks such a header, the usual headers are tried. If it has no classes, all
-        its rows pass the filter.
+        Names in `columns` that were mapped for several files. ``"class"`` is among them if a filter
+        by class was given for several files. If a file lacks the header of such a name, the usual
+        headers are tried. If a file has no classes, all its rows pass the filter by class.
     placed : tuple of str
         Names of the columns of a table without a header, in order.
     hidden : tuple of str
@@ -410,7 +413,7 @@ class ReadOptions:
     heights : {"", "tell", "use"}
         What to do with a column of heights (for positions on the Earth) or elevations (for
         positions by range and bearing) that the user did not name: ``"use"`` makes it part of the
-        state, ``"tell"`` only notes it in the reading, and ``""`` ignores it.
+        state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str

@@ -100,7 +100,7 @@ class Particles:
 def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
     """Build the clouds of the rows where `mask` is True; rows with the same key are one cloud.
 
-    If no cloud would have two particles, return None, unless `always` is True.
+    The result is None if `always` is False and no cloud would have two particles.
 
     Raises
     ------

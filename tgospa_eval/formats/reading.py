@@ -47,8 +47,8 @@ class Shape:
     kind : str
         One of `SHAPES`, or ``"geojson"``.
     rings : tuple of array
-        For a polygon: the n corners of its edge as an array (n, 2), then those of each hole. For
-        other shapes: one array with the values of their columns in `SHAPES`.
+        For a polygon: an array (n, 2) with the n corners of its edge, then such an array for each
+        hole. For other shapes: one array with the values of their columns in `SHAPES`.
     where : str
         Place in the file, for messages.
     moment : int or float, optional
@@ -156,7 +156,8 @@ class Reading:
     pixels : bool
         Whether the states are centres of boxes in an image, as the format says.
     idle : tuple of str
-        Headers of the states, if all positions seem to be unknown: they are the same in all rows.
+        Headers of the states, if all positions seem to be unknown, for example because they are
+        the same in all rows.
     hidden : tuple of str
         Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
@@ -226,7 +227,8 @@ def classes_in(sides: Iterable[Reading]) -> list[str]:
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
     """Read a side; if its positions seem to be unknown, read other columns of positions.
 
-    Positions seem to be unknown if they are the same in all rows, see `Reading.idle`.
+    Positions seem to be unknown if, for example, they are the same in all rows. `Reading.idle` says
+    so.
 
     Parameters
     ----------
@@ -245,7 +247,7 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
             text = f"{fault}, not a known position: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
-    if not (reading.trajectories.state == -1).all():  # others may be true positions
+    if not (reading.trajectories.state == -1).all():  # other numbers may be positions
         return read_by(replace(options, hidden=("",))) if reading.centres else reading
     warning = Notice(
         code="no-place",
@@ -262,8 +264,8 @@ def by_one_place(
 ) -> list[Reading | None]:
     """Read both sides by the same columns of positions, if `by_place` changed those of one side.
 
-    If one side then has centres of boxes and the other has points, a side with unknown positions
-    gets a warning.
+    If afterwards one side has centres of boxes and the other has points, a warning is added to the
+    side whose positions were unknown.
 
     Parameters
     ----------
@@ -364,10 +366,10 @@ def with_heights(
 
 
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
-    """Convert times of one side that are numbers, if the other side has ISO times with a zone.
+    """Convert numeric times of one side, if the other side has ISO times with a zone.
 
-    This is done if the size of the numbers shows that they are times since 1970. A notice names
-    their unit.
+    The numbers must be times since 1970 by their size; if not, they are unchanged. A notice names
+    the unit.
     """
     clocks = [side.trajectories.clock for side in sides]
     if sorted(clocks) != ["number", "zoned"] or not all(len(s.trajectories.times) for s in sides):
@@ -385,7 +387,7 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
 
 
 def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
-    """Return the estimate with its classes as the truth writes them, and notices about classes."""
+    """Return the estimate with its classes spelled as in the truth, and with notices about them."""
     classes, notices, there = [], [], truth.classes
     for name in estimate.classes:
         match = class_named(name, there) or name

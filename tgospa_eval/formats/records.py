@@ -1,8 +1,9 @@
 """Readers of JSON (flat records, annotations of COCO with tracks), of Excel, and of nuScenes.
 
-In nuScenes, a sample is a moment of a scene, and it is named by a token. Annotations are the tables
-in a folder. Results are the JSON file of a tracking submission: they have only the tokens of
-samples, so that times and scenes are read from the tables.
+In nuScenes, a scene is a recording, and a sample is one moment of a scene. Each sample is named by
+a token, a text. Annotations are tables in a folder. Results are one JSON file, as submitted to the
+tracking task. This file has the tokens of samples but not their times and scenes, which are
+therefore read from the tables.
 """
 
 import io
@@ -34,7 +35,7 @@ FRAMES = ("frame_id", "frame_index", "frame_idx", "frame_number", "frame")
 """Keys under which an image of COCO may have the number of its frame in the video."""
 
 MARKS = ("iscrowd", "ignore")
-"""Keys of annotations that the benchmark leaves out."""
+"""Keys that mark annotations which the benchmark does not count."""
 
 MAX_LEVELS = 4
 """Largest depth to which nested records become columns."""
@@ -106,7 +107,7 @@ def _are_records(value: object) -> bool:
 
 
 def _document(path: str, data: bytes, options: ReadOptions) -> Any:
-    """Parse a JSON document, or a file with one record in each line as a list of records."""
+    """Parse a JSON document; a file with one record in each line is read as a list of records."""
     lines = data.splitlines()
     first = next((line for line in lines if line.strip()), b"").strip()
     if not (first.startswith(b"{") and first.endswith(b"}") and len(lines) > 1):
@@ -116,7 +117,7 @@ def _document(path: str, data: bytes, options: ReadOptions) -> Any:
 
 
 def _beside(path: str, options: ReadOptions) -> Mapping[str, Any]:
-    """Return the document of another file of the evaluation that has the images of the results."""
+    """Return the document with the images of COCO results, from another file of the evaluation."""
     for other in options.beside:
         if other != path and os.path.isfile(other):
             limit = max_bytes(options.max_input, other)
@@ -168,8 +169,8 @@ def _of_coco(
 def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dict[Any, Any]:
     """Return the time of each image, by the id of the image.
 
-    The time is the number of the frame. Without such numbers it is the id, if ids are in the order
-    of the file names.
+    The time is the number of the frame. If images have no such number, the time is their id, and
+    the ids must be in the order of the file names.
 
     Raises
     ------
@@ -244,7 +245,7 @@ JSON_BYTES = 6
 """Memory in bytes for each byte of JSON as Python objects; measured: 5.2."""
 
 Samples = Mapping[str, tuple[int, str]]
-"""Times of samples in microseconds since 1970, and the names of their scenes, by token."""
+"""Time in microseconds since 1970, and name of the scene, of each sample; by its token."""
 
 
 def read_samples(folder: str, options: ReadOptions) -> Samples:
@@ -272,9 +273,9 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
-    """Return the records of a table, after a check that each has a token and texts.
+    """Return the records of a table, after a check of each record.
 
-    `texts` are the keys of these texts.
+    A record must have a token, and a text under each of the keys `texts`.
 
     Raises
     ------
@@ -296,7 +297,7 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
 def is_unicode(text: str) -> bool:
     """Return whether a text can be encoded.
 
-    JSON allows halves of characters (surrogates), which cannot.
+    JSON texts may have halves of characters (surrogates), which cannot be encoded.
     """
     return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
@@ -388,7 +389,7 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 def _folder_for(path: str, options: ReadOptions) -> str:
     """Return the folder with the tables for a file of results.
 
-    It is another path of the evaluation, or the folder of a file of the evaluation.
+    It is another path of the evaluation, or the folder that has a file of the evaluation.
     """
     places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
     for folder in (*places, os.path.dirname(path) or "."):
@@ -445,7 +446,7 @@ def _tracks(
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
             tracked.append(_Object(token, k, name, klass, numbers))
-    for item in tracked:  # the same id in two scenes: two tracks
+    for item in tracked:  # an id that is in two scenes means two tracks
         several = len(scenes.get(item.id, ())) > 1
         yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 

@@ -85,13 +85,13 @@ class Roles:
     headers : tuple of str
         All headers.
     fixed : bool
-        Whether the format has no headers, so that they are names from this package.
+        Whether the headers are names from this package, as the format has no headers.
     passed : tuple of str
         Notices about other headers that may be ids or times, about comments, and about the decimal
         mark.
     missing : dict of str to str
-        Columns that this table lacks, each with a message. It is raised if all files lack the
-        column.
+        Names of columns that this table lacks. Each has a message, which is raised if all files
+        lack the column.
     doubts : tuple of Notice
         Warnings about columns whose role is doubtful.
     more_ids : tuple of int
@@ -170,14 +170,15 @@ class Roles:
 
     @property
     def dates(self) -> list[int]:
-        """Unused columns of dates; times may be times of day."""
+        """Columns of dates that are not used, although times may be times of day."""
         names = [*map(str.casefold, self.headers)] if self.second is None else []
         return [k for k, name in enumerate(names) if DATE.fullmatch(name) and k not in self.known]
 
     def dated(self, texts: Sequence[Coded], decimal: str, row: int) -> str:
-        """Return the message about a time of day, if it can be read with its date; else a blank.
+        """Return the message that a time of day can be read with its date; blank if it cannot.
 
-        `texts` has the first of `dates`, if there is one, and the times.
+        `texts` has the column of dates and the column of times, or only the latter if the table has
+        no dates. The time of day is in the row `row`.
         """
         if len(texts) < 2:
             return ""
@@ -196,7 +197,10 @@ class Roles:
 
     @property
     def other_id(self) -> int | None:
-        """Column whose values are compared with those of a column ``id`` that nobody named."""
+        """First unused column that may be ids, to compare with a column ``id``.
+
+        It is None if ids are in another column than ``id``, or if the user named their column.
+        """
         named = any(item.partition("=")[0].strip() == "id" for item in self.options.columns or ())
         plain = self.headers[self.id].casefold() == "id" and not (named or self.more_ids)
         return next(iter(self.other_ids), None) if plain else None
@@ -211,7 +215,7 @@ class Roles:
     def digits(self) -> int:
         """Number of decimal places of the fractions of a second in the second column of times.
 
-        It is 0 if the header of this column does not say so, or there is no such column.
+        It is 0 if there is no second column, or if its header does not say the unit.
         """
         return (
             0 if self.second is None else FRACTIONS.get(words_of(self.headers[self.second])[-1], 0)
@@ -219,16 +223,16 @@ class Roles:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units that headers, or a line below them, state, by the name of the state."""
+        """Units in the headers of states, or in a line below the headers; by name of the state."""
         columns = zip(self.names, (mix[0][0] for mix in self.state), strict=True)
         units = {n: self.stated.get(k) or unit_of(self.headers[k]) for n, k in columns}
         return {} if self.fixed else {name: unit for name, unit in units.items() if unit}
 
     @property
     def named(self) -> dict[str, str]:
-        """Headers, by name, of ids, times, and states that are a single column.
+        """Headers of the ids, of the times, and of each state that is a single column; by name.
 
-        Empty if the headers are `fixed`.
+        The result is empty if the headers are `fixed`.
         """
         if self.fixed:
             return {}
@@ -285,9 +289,10 @@ class Roles:
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
-        """Compute m quantities (R, m) in R rows from the values (R, n) of the columns `numbers`.
+        """Compute quantities of each row from the columns `Roles.numbers`.
 
-        `mixes` has the m quantities. The result may be a view of the values.
+        For each of R rows, `numbers` (R, n) has the n values of these columns, and the result
+        (R, m) has the m quantities of `mixes`. The result may be a view of `numbers`.
         """
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
@@ -301,16 +306,17 @@ class Roles:
 
 
 OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
-"""Third state column of a position, by the first two."""
+"""Name of the column of heights or elevations, by the names of the other two state columns."""
 
 
 def _with_height(
     headers: Headers, options: ReadOptions, wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], str]:
-    """Return the state columns, perhaps with heights, and the header of heights that are left out.
+    """Return the state columns, and the header of a column of heights that is left out.
 
-    `wanted` has the state columns without heights; `ReadOptions.heights` says if heights are added.
-    The header is blank if none are left out.
+    `wanted` has the state columns without heights. Heights of the table are added to them if
+    `ReadOptions.heights` is ``"use"``, and left out if it is ``"tell"``. In all other cases the
+    header is blank.
     """
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
     of_boxes = headers.places("height") if headers.places("width") else []
@@ -335,8 +341,8 @@ def find_roles(
     """Assign roles to the headers of a table; `where` begins every message.
 
     With `fixed`, the headers are those of a format and cannot be renamed. With `wide`, each object
-    may have columns of its own: then roles are those of the table that `formats.frames.lengthened`
-    returns.
+    may have columns of its own. If so, the roles are for the reshaped table that
+    `formats.frames.lengthened` returns.
 
     Raises
     ------
@@ -445,7 +451,7 @@ def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
 def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
     """Return the state columns of boxes.
 
-    An error is raised if the user named other columns than these and the centre x, y.
+    An error is raised if the user named a column that is neither one of these nor the centre x, y.
     """
     other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
     if other is not None:
@@ -457,7 +463,7 @@ def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_stamp(headers: Headers) -> None:
-    """Check that the time is not split into two columns, unless another column is the time."""
+    """Raise an error if a time is split into two columns, and no other column is the time."""
     mapped = headers.mapped
     if "t" in mapped or set(FIRST_ALIASES["t"]) & headers.folded.keys():
         return
@@ -473,17 +479,22 @@ DATE = re.compile(r"(.*[\W_])?date([\W_]?utc)?")
 """Pattern of headers of dates."""
 
 CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
-"""Pattern of headers of classes; as in groups, ids may restart in each class."""
+"""Pattern of headers of classes. Ids may restart in each class, as in each group."""
 
 
 FLAG = re.compile(
     r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?visib(le|ility)", re.I
 )
-"""Pattern of headers of marks of rows that do not count (not 0), of scores and visibility (0)."""
+"""Pattern of headers of columns that may say which rows do not count.
+
+These are the rows in which a mark is not 0, or in which a score or the visibility is 0."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
-    """Return the further columns, if the user mapped ids to several: ``id=CLUSTER+TRACK``."""
+    """Return the further columns of ids, if the user mapped several columns: ``id=CLUSTER+TRACK``.
+
+    The first column stays mapped.
+    """
     whole = headers.mapped.get("id", "")
     parts = [part.strip() for part in whole.split("+")]
     if len(parts) < 2 or headers.spelt(whole, "id") is not None:
@@ -498,9 +509,9 @@ def _more_ids(headers: Headers) -> tuple[int, ...]:
 
 
 def _second_of_times(headers: Headers) -> int | None:
-    """Return the second column, if the user mapped times to two: ``t=DATE+TIME``.
+    """Return the second column, if the user mapped times to two columns: ``t=DATE+TIME``.
 
-    The first column stays mapped.
+    Afterwards ``t`` is mapped to the first column only.
     """
     first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
     if not second or headers.spelt(headers.mapped["t"], "t") is not None:
@@ -594,8 +605,8 @@ class _Mixes:
         """Return the state columns to use if the user named none.
 
         They are x, y, z as far as the table has them, else lat and lon, else the centres of boxes.
-        Boxes that the user maps have priority. If unknown positions are hidden and no others are
-        left, they are the columns ``loc_x``, ``loc_y`` and ``loc_z``.
+        Boxes that the user maps have priority. If none of these is left because unknown positions
+        are hidden, the columns are x, y, z, which are read from ``loc_x``, ``loc_y`` and ``loc_z``.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
@@ -654,8 +665,8 @@ def _namings(
     """Yield the names that states may have in the headers of covariances.
 
     First are the headers of the states, as in ``cov_px_py``, then their names, as in ``cov_x_y``.
-    The names are left out if one is the header of another column, as the covariances then belong to
-    that column.
+    If ``x`` or ``y`` is the header of another column, ``cov_x_y`` belongs to that column, and the
+    names are not yielded.
     """
     own = tuple(
         name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
@@ -702,11 +713,11 @@ def _box(
 
 
 UNNAMED = "column 1 (blank header)"
-"""Name for a first column without a header, which may be the index of pandas or row names of R."""
+"""Name of a first column with a blank header, as pandas writes for an index and R for row names."""
 
 
 def are_numbers(fields: Sequence[str]) -> bool:
-    """Return whether most of the fields are numbers, as in a row and not in a header."""
+    """Return whether most of the fields are numbers, so that they are a row and not a header."""
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
@@ -725,8 +736,8 @@ def without_header(fields: Sequence[str], name: str, where: str, order: str = "i
 def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[str] | None:
     """Return names for all columns of a table without a header.
 
-    The user names the first of them in order, by `columns`. If ``t`` is not among the names, the
-    result is None.
+    `columns` are the names that the user gives to the first columns, in order. The result is None
+    if ``t`` is not among them.
 
     Raises
     ------

@@ -169,9 +169,10 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
 
 
 def spacings(ids: NDArray[Any], times: NDArray[Any], places: Floats) -> tuple[float, float]:
-    """Return the median distances of consecutive rows of one id, and of one time; or NaN.
+    """Return the median distance of consecutive rows of the same id, and that of the same time.
 
-    The first two columns of `places` are the position.
+    A median is NaN if there are too few such rows. The first two columns of `places` are the
+    position.
     """
 
     def spacing(first: NDArray[Any], second: NDArray[Any]) -> float:

@@ -1,8 +1,8 @@
 """Columns of covariances: which entry a header means, and the matrices of the rows.
 
-Headers are `cov_xx`, `cov_xy`, `cov_yy` or `std_x`, `std_y`, `rho_xy`. Longer names have an
-underscore between them, as in `cov_x_vx`. `SPELLINGS` has other usual headers. `tracks.covariances`
-checks the matrices.
+Headers are `cov_xx`, `cov_xy`, `cov_yy` or `std_x`, `std_y`, `rho_xy`. If a state has a name of
+several letters, an underscore is between the names, as in `cov_x_vx`. `SPELLINGS` has other usual
+headers. `tracks.covariances` checks the matrices.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,8 +30,8 @@ class SpreadColumns:
     names : tuple of str
         State columns.
     entries : tuple of tuple of int
-        Positions of the columns of each entry of the lower triangle, row by row. An entry has no
-        column, one, or two if the table has both symmetric entries.
+        Positions of the columns of each entry of the lower triangle, row by row. An entry has two
+        columns if the table also has the symmetric entry; other entries have one column or none.
     spelling : int
         Spelling of the headers, as an index in `SPELLINGS`.
     """
@@ -69,7 +69,8 @@ class SpreadColumns:
 First = Callable[[Mask], tuple[int, str, str]]
 """Callable that receives a mask of wrong rows.
 
-It returns the position of the first of them, its place for messages, and words for the others."""
+It returns three things: the position of the first of these rows, and for messages its place and
+words for the number of other wrong rows."""
 
 
 NAMED, NUMBERED = 1, 2
@@ -83,9 +84,9 @@ SPELLINGS = (
 )
 """Headers of covariances, in order of priority.
 
-Each spelling has headers off the diagonal, headers on the diagonal, and True if the latter are
-standard deviations. {0} and {1} are names of state columns, {2} and {3} their numbers from 1. Only
-names of one letter are joined without an underscore."""
+Each spelling has three items: headers off the diagonal, headers on the diagonal, and True if the
+headers on the diagonal are of standard deviations. {0} and {1} are names of state columns, {2} and
+{3} their numbers from 1. Only names of one letter are joined without an underscore."""
 
 
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
@@ -174,7 +175,7 @@ def covariances_of(
     spread : SpreadColumns
         Columns of the entries.
     missing : {"error", "zero"}
-        What a row without a covariance is: an error or a point.
+        Meaning of a row without a covariance: an error or a point.
     fix : bool
         Whether to replace an invalid covariance by the nearest valid matrix.
 
@@ -185,7 +186,7 @@ def covariances_of(
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Return position and place of the first wrong row, and words for the others."""
+        """Return position and place of the first wrong row, and words for the number of others."""
         at = np.flatnonzero(wrong)
         position = int(at[np.argmin(row[at])])
         return position, where(int(row[position])), more(len(at))
@@ -211,7 +212,7 @@ def covariances_of(
             packed[k] = _entry(k, values, spread, without, first)
     if spread.deviations:
         packed = _products(packed, spread, first, fix=fix)
-    order = np.argsort(row, kind="stable")  # messages name the first in the file
+    order = np.argsort(row, kind="stable")  # messages name the first wrong row
     packed[:, order], changed = accept(
         packed[:, order], lambda k: where(int(row[order[k]])), fix=fix
     )

@@ -60,7 +60,9 @@ LETTERS_TOGETHER = 1 << 17
 """Number of letters that are split into lines at a time."""
 
 LARGE_BYTES = 4_000_000
-"""Size in bytes from which a whole file is decoded only if the compiled loop cannot read it."""
+"""Size in bytes from which a file is large.
+
+A large file is decoded as a whole only if the compiled loop cannot read it."""
 
 HEADER_BYTES = 1 << 16
 """Number of first bytes in which the header of a large file is looked for."""
@@ -178,8 +180,8 @@ def scanned(
     """Read the columns of plain UTF-8 text with the compiled loop; return None for other text.
 
     Rows begin on line `first`. Text is plain if all rows have `width` fields, and all numbers are
-    finite or blank. It has no comments, no blank lines, no line ends or quotes inside fields, and
-    no carriage return without a line feed.
+    finite or blank. Plain text also has no comments, no blank lines, no line ends or quotes inside
+    fields, and no carriage return without a line feed.
     """
     if scanner is None or delimiter == decimal:
         return None
@@ -248,8 +250,8 @@ def blocks_of(
 ) -> Iterator[Block]:
     """Yield rows in blocks; blank lines and comments are skipped.
 
-    A row with all fields whose first field begins like a comment is an error. But if this is so in
-    all rows, they are read.
+    A line that begins like a comment, but has all fields of a row, is an error. An exception is a
+    file in which all rows begin like comments: these rows are read.
 
     Parameters
     ----------
@@ -266,8 +268,8 @@ def blocks_of(
     comments : Comments
         Counter of the comments.
     delimiter : str
-        Delimiter of the fields, if `split` uses no other. Then the lines of a block are split all
-        at once if they are plain, which takes half the time.
+        Delimiter of the fields, if `split` splits only there. With it, plain lines of a block are
+        split all at once, which takes half the time.
     quotes : bool
         Whether the text has quotes, so that fields can have line ends.
 

@@ -1,18 +1,18 @@
 """Tables of text with one row per object and step: CSV, MOTChallenge, VisDrone and KITTI.
 
-CSV has a header, ``id,t,x[,y[,z]]`` and other columns. It is not read by pandas. So floats and
-integers are exact, messages name the line, and pandas, which is slow to import, is not needed.
-Tables that the compiled loop cannot read are split by the csv module.
+A CSV file has a header with ``id,t,x[,y[,z]]`` and other columns. It is read without pandas, which
+is slow to import. Floats and integers stay exact, and messages name the line. A compiled loop reads
+most files; the csv module splits the lines of all others.
 
 The other formats have no header. The number of fields decides the names of the columns.
 
-MOTChallenge: ``frame,id,left,top,width,height[,conf[,...]]``. Column 7 is a score in results and a
-flag in the truth, where 0 means that the object is not considered. Further columns depend on the
-number of fields: class and visibility (8 or 9), or a position in space (10).
+MOTChallenge: ``frame,id,left,top,width,height[,conf[,...]]``. Column 7 is a score in results. In
+the truth it is a flag; 0 means that the object is not considered. The columns after it depend on
+the number of fields: class (8), class and visibility (9), or a position in space (10).
 
 VisDrone: ``frame,id,left,top,width,height,score,class,truncation,occlusion``. In the truth the
-score is a flag, where 0 means that the object is not considered. In results truncation and
-occlusion are -1. Classes are numbers, which are converted to names.
+score is a flag; 0 means that the object is not considered. In results truncation and occlusion are
+-1. Classes are numbers, which are converted to names.
 
 KITTI: 17 fields separated by blanks, or 18 with a score. Columns have the edges of the image box,
 and sizes and positions in space in metres, in the coordinates of the camera. Truth and results
@@ -69,7 +69,9 @@ LINES_ASIDE = 4
 """Largest number of lines of titles above a header, and of lines of units or names below it."""
 
 WORD = re.compile(r"[^\d\s+.,-].*[^\W\d_].*|[^\W\d_].*|[^\w\s+.,-]")
-"""Pattern of a name or unit, also in brackets, in a line below a header; no number or time fits."""
+"""Pattern of a name or unit in a line below a header, with or without brackets.
+
+Numbers and times do not match it."""
 
 FEWEST = 3
 """Smallest number of columns (id, t and x) of a table whose columns are separated by blanks."""
@@ -113,11 +115,11 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
 def header_of(
     text: str, path: str, options: ReadOptions, *, wide: bool = False
 ) -> tuple[list[str], Roles, str, int, int]:
-    """Find the header; return headers, roles, delimiter, and where the first row begins.
+    """Find the header; return headers, roles, delimiter, and line and position of the first row.
 
-    The latter is the number of its line, and its position in the text. The header is the first line
-    that is understood as one, even if it begins like a comment. Comments and a few lines of titles
-    may be above the header, and a few lines of units or names below it.
+    The position counts characters of the text. The header is the first line that is understood as
+    one, even if it begins like a comment. Comments and a few lines of titles may be above the
+    header, and a few lines of units or names below it.
     """
     faults: dict[int, InputError] = {}  # by number of fields; the first is raised
     comments = skipped = 0
@@ -189,7 +191,10 @@ def header_of(
 
 
 def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Exception:
-    """Return the error; formats are only proposed with the delimiter that they have."""
+    """Return the error, which may propose to name a format.
+
+    If that format does not have this delimiter, the message says to separate fields by blanks.
+    """
     if delimiter != ";" and not (delimiter == "," and width in KITTI_WIDTHS):
         return error
     way = "or separate the fields by blanks and name the"
@@ -198,7 +203,7 @@ def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Excepti
 
 def _likely_order(rows: Iterable[list[str]], decimal: str) -> str:
     """Return the likely order of the columns id, t, x, y, by distances of consecutive rows."""
-    with suppress(ValueError, csv.Error):  # other rows have no likely order
+    with suppress(ValueError, csv.Error):  # rows with mistakes: the usual order
         kept = [[float(field.replace(decimal, ".")) for field in row[:4]] for row in rows if row]
         first, second, *places = np.array(kept).T
         of_ids, of_steps = spacings(first, second, np.array(places).T)
@@ -209,9 +214,9 @@ def _likely_order(rows: Iterable[list[str]], decimal: str) -> str:
 def _lines_of_units(
     text: str, start: int, width: int, delimiter: str, roles: Roles
 ) -> tuple[int, int]:
-    """Return the number of lines of units below the header, and where in the text rows begin.
+    """Return the number of lines of units below the header, and the position of the first row.
 
-    If no row follows, the lines are not units but rows with mistakes, and the number is 0.
+    If no row follows these lines, they are taken for rows with mistakes, and the number is 0.
     """
     state = {column for mix in roles.state for column, _ in mix}
     count, begin = 0, start
@@ -248,9 +253,9 @@ def _delimiter(header: str, decimal: str) -> str:
 def header_by_blanks(line: str, after: str) -> list[str]:
     """Return the headers in a line that separates them by blanks; an empty list for other lines.
 
-    numpy.savetxt and programs of robotics write such tables. If the line begins with a comment mark
-    and `after`, the next line, has as many words, the mark is left out. Otherwise such a line is a
-    comment.
+    numpy.savetxt and programs of robotics write such lines, sometimes with a comment mark first. A
+    line with a mark is a header, without its mark, if the next line `after` is blank or has as many
+    words. If not, the line is a comment, and the list is empty.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
@@ -273,7 +278,7 @@ def _unquoted(line: str) -> str:
 
 
 def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
-    """Split lines into fields; the csv module also reads line ends in quotes."""
+    """Split lines into fields; fields in quotes may have line ends if the delimiter is no blank."""
     if delimiter == BLANKS:
         return map(_split_at_blanks, each)
     return csv.reader(each, delimiter=delimiter, strict=True, skipinitialspace=True)
@@ -283,8 +288,8 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     """Return the roles, and the decimal mark of the numbers in the first rows.
 
     Decimal marks are the point and the comma. The mark that was not requested is returned in one
-    case, with a notice in the roles: no number has the requested mark, and at least one certainly
-    has the other. In 1,250 and 1.250 it is not certain, as the mark may separate thousands.
+    case, with a notice in the roles: no number has the requested mark, and at least one number has
+    the other mark for certain. 1,250 is not certain, as its comma may separate thousands.
     """
     columns = {roles.time, *roles.numbers} - {roles.weight}  # a weight may be no number
     other = {".": ",", ",": "."}[requested]
@@ -524,8 +529,8 @@ def _refuse_detections(rows: Rows) -> None:
 def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: str) -> None:
     """Exclude the rows with the number 0 in column `name`.
 
-    `texts` has the texts of columns. Without this column no row is excluded. `flag` describes the
-    reason, for a message.
+    `texts` has the texts of columns, by name. If it lacks the column `name`, no row is excluded.
+    `flag` is the reason in the message.
     """
     if name not in texts:
         return
