@@ -56,7 +56,7 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     ConfigError
         The type is not accepted, or there are polygons and shapely is missing.
     InputError
-        A region is wrong: it is without an area, or a polygon crosses itself.
+        A region has no area, or a polygon crosses itself, or a region is wrong in another way.
     """
     if given is None:
         return None
@@ -140,8 +140,8 @@ def inside(
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        If given, a single region must cover more than this share of the box. By default all regions
-        of the step together must cover at least half of it.
+        Share of a box that a single region must exceed. By default, all regions of the step
+        together must cover at least half of the box.
 
     Raises
     ------
@@ -195,9 +195,10 @@ def _candidates(
 ) -> Iterator[tuple[Ints, Ints]]:
     """Yield rows, and for each row the index of a region that may overlap with it.
 
-    The rows are those of one step, or of all steps if `step` is None. A region of a table, in the
-    plane or in an image, comes only with rows whose bounding boxes are near its own. `spread` says
-    that the rows are boxes. Each yield has a single region, or boxes as rows and as regions.
+    The rows are those of one step, or of all steps if `step` is None. `spread` says that they are
+    boxes. For a region of a table, in the plane or in an image, only rows with a bounding box near
+    that of the region are yielded. For any other region, all rows are yielded. All rows of one
+    yield have the same region, except if rows and regions are boxes.
     """
     begins = starts_of_steps(side)
     low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
@@ -490,7 +491,7 @@ def of_geojson(document: Any, name: str) -> Regions:
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
-    """Return the rings of each polygon of a geometry; a position has its first two numbers."""
+    """Return the rings of each polygon of a geometry, with two numbers for each position."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: {quoted(kind)} is neither a Polygon nor a MultiPolygon")
