@@ -229,7 +229,7 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Mark rows of the estimate: those in a region, and by a rule those at no truth step."""
+        """Mark the rows of the estimate that are in a region or, by a rule, at no truth step."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)

@@ -55,7 +55,7 @@ class Attribute:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of files that may have the values, or from which these may follow."""
+        """Columns of files that may have the values, or from which values may follow."""
         if self.ranges:
             return tuple(name for name, _, _ in self.ranges)
         if self.name == "size":
