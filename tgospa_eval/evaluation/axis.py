@@ -155,7 +155,7 @@ def with_outages(
 ) -> Axis:
     """Add the outages of the estimate, if times of the estimate decide which steps count.
 
-    If the truth is interpolated, nothing is added here: its outages were found before.
+    Nothing is added if the truth is interpolated, because outages were found before.
     """
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis

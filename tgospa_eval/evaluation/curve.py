@@ -515,7 +515,7 @@ class SuffixSolver:
         # that of the whole problem.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # A pair that has only the step before the suffix, like its block, keeps its weight.
+        # If a pair and its block have only the step before the suffix, the pair keeps its weight.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -606,7 +606,7 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 SPAN = 8
 """Number of steps of the first suffixes.
 
-It was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
+This number was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
 
 
 def trace(

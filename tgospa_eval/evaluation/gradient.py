@@ -2,8 +2,8 @@
 
 The total is a minimum of the cost over assignments. If the best assignment is unique, the total has
 the same derivative as the cost of this assignment (envelope theorem, Danskin). If several
-assignments are best, the total may have a kink, and the derivative is one-sided (docs/how-
-to/gradient.md).
+assignments are best, the total may have a kink, and the derivative is one-sided
+(docs/how-to/gradient.md).
 """
 
 import math

@@ -52,7 +52,7 @@ class Condition:
     sign : str
         ``=``, or one of `COMPARISONS`.
     values : tuple of str
-        One value. For ``=`` there may be several values, one of which must be equal.
+        One value; for ``=`` one or more. For ``=``, a row is selected if it has one of the values.
     """
 
     text: str
@@ -242,7 +242,7 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """Parse texts, each of which has one or more rules; `max_speed` is that of `Ignoring`.
+    """Parse texts with one or more rules each; `max_speed` is that of `Ignoring`.
 
     Raises
     ------

@@ -39,7 +39,7 @@ With pictures, the bytes of rows in memory are multiplied by the factor."""
 BYTES_COMPARED = 40, 280
 """Bytes of a row and bytes of a near pair, until the problem is solved.
 
-They are for an evaluation in memory whose number of near pairs is known."""
+These are for an evaluation in memory, when the number of near pairs is known."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
 """Largest number of bytes of the pictures of trajectories, and their bytes for each row."""

@@ -52,7 +52,7 @@ Sums = dict[str, Any]
 class SimilarPairs:
     """All P pairs of states at the same step with a similarity above 0.
 
-    They are sorted by step, then by true state, then by estimate.
+    Pairs are sorted by step, then by true state, then by estimate.
 
     Parameters
     ----------
@@ -223,7 +223,10 @@ METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
 
 
 def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
-    """Join the sums of several sequences; means over matches become means over those of all."""
+    """Join the sums of several sequences.
+
+    Means over the matches of a sequence become means over the matches of all sequences.
+    """
     sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
     if name == "hota":
         matches = sums["HOTA_TP"]

@@ -211,8 +211,8 @@ class NearPairs:
     unjudged : pair of (R,) bool arrays, optional
         Ignored rows of the truth, and excused rows of the estimate.
     reach : (R_truth,) float array, optional
-        Distance beyond the cutoff up to which an estimate may follow each true state. It is above 0
-        only for states in gaps.
+        Distance beyond the cutoff up to which an estimate may follow each true state. This is above
+        0 only for states in gaps.
     given : bool
         Whether the distances were computed at the timestamps of reports, not from these rows.
     """
@@ -527,7 +527,7 @@ def fit(
     Raises
     ------
     ConfigError
-        The grid leaves no step, or requested probabilities of existence are missing.
+        The grid has no step, or requested probabilities of existence are missing.
     InputError
         Columns, states, times or probabilities do not fit each other or the distance. Messages use
         `names`.
@@ -591,7 +591,7 @@ def _weighted(aligned: Alignment, weights: Floats) -> Alignment:
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """Return the record of the weights of the steps, which is their digest."""
+    """Return the record of the weights of the steps: their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

@@ -56,7 +56,7 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     ConfigError
         The type is not accepted, or there are polygons and shapely is missing.
     InputError
-        A region has no area, or a polygon crosses itself, or a region is wrong in another way.
+        A region is wrong: for example, it has no area, or a polygon crosses itself.
     """
     if given is None:
         return None
@@ -126,8 +126,8 @@ def inside(
     Points count in a region or on its edge. Boxes count if the regions of the step together cover
     at least half of their area. Let a box be between a_k and b_k on axis k, and another box between
     a'_k and b'_k. The share of the first box inside the other is, as in TrackEval,
-    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. It is 0 for a box
-    without area.
+    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. A box without
+    area has the share 0.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ def _text(value: Any) -> str:
 
 
 NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
-"""Sets of columns, one of which each region must have, as a text for messages."""
+"""Sets of columns, as a text for messages; each region must have the columns of one set."""
 
 KNOWN = {name for columns in SHAPES.values() for name in columns}
 

@@ -199,7 +199,7 @@ class EvaluationRequest:
     with_ : sequence of str
         Other metrics: names from `OTHER_METRICS`, except NEES.
     nees : bool
-        Whether NEES is requested. Otherwise it is computed only if the distance compares
+        Whether NEES is requested. Without a request, it is computed only if the distance compares
         covariances or particles.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.

@@ -159,7 +159,7 @@ def _numbers(
 ) -> list[Floats | None]:
     """Return the values as numbers, NaN for a blank.
 
-    `texts` has the columns with texts. If there are any, the error says that they have no `wanted`.
+    `texts` has the columns with texts. If there is one, an error says that texts have no `wanted`.
     """
     if texts:
         given = texts[0][texts[0] != ""]
@@ -491,9 +491,9 @@ def _speeds(side: Trajectories) -> Floats:
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Return the area of each box: from the states, else as width times height from columns.
+    """Return the area of each box, from the states or else from columns.
 
-    Without a column of heights, it is width times length.
+    Columns give the area as width times height or, without heights, as width times length.
     """
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
@@ -523,7 +523,7 @@ def _ages(side: Trajectories) -> Floats:
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
     """Return "inside" for rows in all ranges of the region, ends included, else "outside".
 
-    A row is blank if a value is missing. The result is None if a column is missing.
+    The result is blank for a row with a missing value, and None if a column is missing.
     """
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
@@ -553,7 +553,7 @@ def slice_members(
 ) -> dict[str, Members]:
     """Return the requested slices, and which rows of truth and estimate are in them.
 
-    They do not depend on the assignment.
+    Slices do not depend on the assignment.
 
     Raises
     ------

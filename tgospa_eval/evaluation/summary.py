@@ -437,7 +437,7 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
     `whose` and `who` are the tracks of truth and estimate of each pair of states, in order of the
     truth.
     """
-    for _ in range(2):  # the first round joins neighbours, which leaves few to sort
+    for _ in range(2):  # round 1 joins neighbours, so that few are left to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]

@@ -10,7 +10,8 @@ other rows. If only one state remains for a slot with a price above 0, this stat
 (docs/how-to/gradient.md).
 
 At some steps a pair has no gain, for example while neither object nor track exists. Assignments
-there are often not unique, but they change no part of the cost. They are tested only on request.
+there are often not unique, but they change no part of the cost. These steps are tested only on
+request.
 """
 
 import itertools
@@ -46,7 +47,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     gap : float
         Relative gap that counts as exact.
     everywhere : bool
-        Whether pairs without gain are tested too. They decide at which step a switch is counted.
+        Whether pairs without gain are tested too. Such pairs decide when a switch counts.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
@@ -131,7 +132,7 @@ class _Rows:
             self.near &= ~self.closed
 
     def survey(self, wanted: Mask) -> bool:
-        """Search for best paths again, after conclusions; return whether this shows more.
+        """Search for best paths again, after conclusions; return whether anything changes.
 
         `wanted` (nodes,) is a mask of the rows that are searched.
         """

@@ -87,7 +87,7 @@ def diagnose(
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """Yield notices about how both sides were brought to their steps.
 
-    They count interpolated states, reports on a common clock, and states that are not used.
+    The notices count interpolated states, reports on a common clock, and states that are not used.
     """
     if axis.made is not None:
         side, (between, own, unused) = axis.made

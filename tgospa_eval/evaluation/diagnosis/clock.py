@@ -10,10 +10,11 @@ A shift is a time that is added to the timestamps of the estimate. The best one 
 where d is the distance of a pair, c the cutoff and p the order. Between its states, the truth moves
 on straight lines. A true state and an estimate that are near each other suggest a shift, which is
 the difference of their times. Shifts that many such pairs suggest are candidates, and so are whole
-hours. The candidates with the largest G are refined. The best shift is reported only if it is
-better than any other shift with enough steps in the recording of the truth by several standard
-errors. These are estimated from the gains of separate stretches of the recording. For targets at
-rest or on a circle, many shifts are about equally good, and nothing is reported.
+hours. The candidates with the largest G are refined. The best shift is reported only if its gain
+exceeds that of all farther shifts by several standard errors. A shift that moves most steps out of
+the recording of the truth is not compared. Standard errors are estimated from the gains of separate
+stretches of the recording. For targets at rest or on a circle, many shifts are about equally good,
+and nothing is reported.
 """
 
 import math
@@ -675,8 +676,8 @@ PREFERRED = 2.0
 """Largest difference of a simpler offset from the best shift, as a multiple of the uncertainty.
 
 An offset is simpler if it is a whole number of hours, or makes timestamps equal. Such an offset is
-preferred. If states are compared at equal timestamps only, one that makes timestamps equal may also
-be up to half a step away."""
+preferred. If states are compared at equal timestamps only, an offset that makes timestamps equal
+may always differ by half a step."""
 
 MINUTE = 60
 """Limit in seconds for the uncertainty of an offset that is rounded to whole hours.

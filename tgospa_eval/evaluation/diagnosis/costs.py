@@ -174,7 +174,7 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = SAMPLE) -> Ints:
     """Return evenly spread steps out of `steps`, as many as can be examined in short time.
 
-    They are at most `limit`.
+    The result has at most `limit` steps.
     """
     count = max(1, min(len(steps), affordable(sides), limit))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps

@@ -400,7 +400,8 @@ def _swap(
         for role, frame in list(zip(SIDES, frames, strict=True))[::-1]:
             if frame in ("enu", "ned"):
                 return option(f"{role}_crs", "ned" if frame == "enu" else "enu")
-    is_own = frames[1] in ("", "enu", "ned", ",".join(columns))  # else columns differ
+    # In any other frame, the file does not have the columns that are compared.
+    is_own = frames[1] in ("", "enu", "ned", ",".join(columns))
     if not is_own or list(order) == sorted(order) or (signs < 0).any() or {*columns} - {*headers}:
         return ""
     swapped = [headers[columns[k]] for k in order]
