@@ -113,9 +113,9 @@ def ranks(
 
     The histogram has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of
     squared weights). Let S be the weight of the particles below the true state, plus half the
-    weight of equal particles. The rank is spread evenly between n S / (n + 1) and (n S + 1) / (n +
-    1). If the particles are drawn from the posterior, the true state is like one more draw, and the
-    histogram is flat.
+    weight of equal particles. The rank is spread evenly between n S / (n + 1) and
+    (n S + 1) / (n + 1). If the particles are drawn from the posterior, the true state is like one
+    more draw, and the histogram is flat.
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))
