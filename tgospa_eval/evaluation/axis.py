@@ -120,7 +120,7 @@ def on_axis(
 
     An outage of the estimate ends with an estimate within the cutoff of a true object, not with a
     false alarm. `across` is the name of the attribute that marks states of the truth in gaps. If it
-    is blank, the truth has no states there (see `tracks.interpolation`).
+    is blank, the truth has no states in gaps (see `tracks.interpolation`).
 
     Raises
     ------
@@ -155,7 +155,7 @@ def with_outages(
 ) -> Axis:
     """Add the outages of the estimate, if times of the estimate decide which steps count.
 
-    If the truth was interpolated, this was done already.
+    Nothing is added if the truth is interpolated, because outages were found before.
     """
     if not matching.of_estimate or axis.outages is not None or matching.interpolate == "truth":
         return axis
@@ -228,7 +228,7 @@ def _interpolated(
 ) -> Axis:
     """Return both sides after one is interpolated at the timestamps of the other.
 
-    An interpolated truth also has its own timestamps in outages of the estimate, if they count.
+    If outages of the estimate count, an interpolated truth also has its own timestamps in them.
     """
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
@@ -361,7 +361,7 @@ def _longest_gap(spans: Floats, matching: TimeMatching) -> float:
 def near_in_outages(
     sides: Sides, outages: Outages, matching: TimeMatching, distance: Distance, cutoff: float
 ) -> tuple[float, int]:
-    """Count estimate states in outages that are near the truth if it is interpolated.
+    """Count estimate states in outages that are near the interpolated truth.
 
     Returns
     -------

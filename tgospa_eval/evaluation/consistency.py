@@ -22,7 +22,7 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
 LARGEST = 1e100
-"""Largest NEES. If it would be larger, the covariance counts as singular, so sums are finite."""
+"""Largest NEES; above it, the covariance counts as singular, so that sums are finite."""
 
 PAIRS_TOGETHER = 1 << 16
 """Number of pairs whose particles are processed together."""
@@ -31,7 +31,7 @@ PAIRS_TOGETHER = 1 << 16
 def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     """Return the NEES of each assigned pair, NaN where it does not count, and sums of all.
 
-    It does not count where the covariance is singular or the true object is ignored.
+    The NEES of a pair does not count if its covariance is singular or its object is ignored.
 
     The estimate must have covariances or particles.
     """
@@ -60,7 +60,7 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
 
 
 def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
-    """Return the period of each state column, infinite without; None if all are infinite."""
+    """Return the period of each state column, inf for no period; None if no column has one."""
     periods = periods_of(distance, columns)
     return [periods.get(name, np.inf) for name in columns] if periods else None
 
@@ -111,11 +111,11 @@ def ranks(
 ) -> Floats:
     """Return a histogram of the ranks of true states among the particles, for each component.
 
-    It has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of squared
-    weights). Let S be the weight of the particles below the true state, plus half the weight of
-    equal particles. The rank is spread evenly between n S / (n + 1) and (n S + 1) / (n + 1). If the
-    particles are drawn from the posterior, the true state is like one more draw, and the histogram
-    is flat.
+    The histogram has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of
+    squared weights). Let S be the weight of the particles below the true state, plus half the
+    weight of equal particles. The rank is spread evenly between n S / (n + 1) and
+    (n S + 1) / (n + 1). If the particles are drawn from the posterior, the true state is like one
+    more draw, and the histogram is flat.
     """
     edges = np.linspace(0, 1, BINS + 1)
     counts = np.zeros((truth.shape[1], BINS))

@@ -5,9 +5,9 @@ to some step. A *suffix* has the last steps of a prefix. The solution of the who
 bracket of the cost of each prefix.
 
 If such a bracket is wider than requested, it is open. Then a suffix of the prefix is solved, as
-short as possible. Before the suffix, the assignment is that of the whole problem, and paths have
-the best values that they can reach there. Many suffixes are solved together in one problem. Its
-solver starts from the solution of the whole problem.
+short as possible. Before the suffix, the assignment is that of the whole problem. A path in the
+suffix begins with the best value that it can have up to there. Many suffixes are solved together in
+one problem. The solver of this problem starts from the solution of the whole problem.
 """
 
 import itertools
@@ -47,9 +47,9 @@ SIZE = 1 << 18
 """Largest number of near pairs that are solved together, if there are several suffixes."""
 
 ENTERED = 1 - 1e-9
-"""A pair was entered from "none" if its value is below that of "none" by the switch price.
+"""Share of the switch price by which a pair is worse than "none", if it was entered from "none".
 
-Because of rounding, this share of the switch price is sufficient."""
+Without rounding, the share would be 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,8 +102,9 @@ class Before:
     weight : int array
         Weight of the pair in the whole solution, in units of 1/ONE.
     value, none, other : float arrays
-        Upper bounds of the best value that the row of the pair can have up to this step. They are
-        for paths that are, at this step, in the pair, in "none", or in a pair that is not listed.
+        Upper bounds of the best value that a path of the row of the pair can have up to the step
+        before the suffix. At this step, the path is in the pair (`value`), in "none" (`none`), or
+        in a pair that is not listed (`other`).
     """
 
     ending: Ints
@@ -134,7 +135,8 @@ class SuffixProblem:
     block, begin, end : (E,) int arrays
         Block, and first and last step of each suffix in the whole problem.
     first : (E,) int array
-        First step of each suffix in this problem; the step before the suffix counts, if included.
+        First step of each suffix in this problem. If the step before a suffix is included, it is
+        that step.
     before : Before
         Assignment and best values at the step before each suffix.
     """
@@ -212,7 +214,7 @@ class Suffixes:
     def pairs(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
         """Return the listed pairs of all suffixes: indices of suffix and pair, sorted.
 
-        They are the pairs that are near in the suffix or assigned at the step before it.
+        A listed pair is near in the suffix or assigned at the step before it.
         """
         size = np.int64(len(self.states.pair_row))
         taken, ending = _ranges(*self._entries.spans(block, begin, end))
@@ -298,8 +300,9 @@ class Suffixes:
     def _worth(self, begin: Ints, before: Before) -> Floats:
         """Return how much better each listed pair is than "none" at the step before a suffix.
 
-        The result may be negative. A pair that was entered from "none" can be entered later as
-        well, without loss. Its result is made smaller, because a tie costs the solver time.
+        The result may be negative. If a pair was entered from "none", nothing is lost by entering
+        it at a later step instead. The result of such a pair is made smaller, because the tie would
+        cost the solver time.
         """
         price = self.states.problem.switch_price_at[begin][before.ending]
         worth: Floats = before.value - np.maximum(before.none, before.other - price)
@@ -372,7 +375,7 @@ class SeparateStretches:
         self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
     def of_whole(self) -> tuple[Floats, Floats, Floats]:
-        """Return the results of `solve` for the solution of the whole problem, without solving."""
+        """Return the same results as `solve`, but from the solution of the whole problem."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
@@ -408,7 +411,7 @@ class SeparateStretches:
 
 
 class SuffixSolver:
-    """Solver of suffixes, before which the assignment is that of the whole problem.
+    """Solver of suffixes; before a suffix, the assignment is that of the whole problem.
 
     Calls of `solve` must be in the order of the first steps of the suffixes.
 
@@ -434,15 +437,17 @@ class SuffixSolver:
     ) -> tuple[Ints, Floats, Floats, Floats]:
         """Solve suffixes that begin after the first step of their block.
 
-        A cell is a prefix: a block and its last step. Each step of a suffix ends a prefix. The
-        result has these cells, some of them several times. For each cell it has the bounds of the
-        prefix, in the form of `SeparateStretches.solve`.
+        A cell stands for a prefix: it is a block and the last step of the prefix. Each step of a
+        suffix is the last step of a prefix, and the first result has the cells of all these
+        prefixes. A cell can occur several times. The other results are the bounds of the prefixes,
+        in the form of `SeparateStretches.solve`.
         """
         before, rest = self._before(block, begin, end)
         joint = self.suffixes.make_problem(block, begin, end, before)
         states = merge_runs(joint.problem, transpose=False)
         warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
-        # The best values at the step before a suffix include the prices up to this step.
+        # The best values at the step before a suffix include the prices up to this step, so these
+        # prices are 0 here.
         until_then = np.zeros(joint.problem.steps, bool)
         until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
@@ -506,10 +511,11 @@ class SuffixSolver:
         There is a prefix for each step of each suffix.
         """
         split = break_down(states, weights)
-        # A switch at the first step of a suffix is a change of the whole assignment before it.
+        # A switch at the first step of a suffix is a change from the assignment before it, which is
+        # that of the whole problem.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # A pair whose block has only the step before the suffix does not change.
+        # If a pair and its block have only the step before the suffix, the pair keeps its weight.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -600,7 +606,7 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 SPAN = 8
 """Number of steps of the first suffixes.
 
-It was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
+This number was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
 
 
 def trace(
@@ -719,8 +725,8 @@ def _narrow(
 ) -> None:
     """Solve suffixes of prefixes with an open bracket, until no bracket is open.
 
-    Suffixes have few steps first, then twice as many, and so on. The mask `from_begin` (B,) marks
-    blocks whose prefixes are solved as a whole at once.
+    The first suffixes have few steps, the next ones twice as many, and so on. In blocks that the
+    mask `from_begin` (B,) marks, whole prefixes are solved from the start.
     """
     limit = Limit.of(solver.time_limit, progress)
     cells, span, open_at_start = brackets.cells, SPAN, np.count_nonzero(brackets.open)
@@ -756,7 +762,7 @@ def _narrow(
 
 
 def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
-    """Return the solver with the remaining time as limit, and a stopwatch that shows nothing."""
+    """Return the solver with the remaining time as limit, and a stopwatch without progress."""
     stopwatch, left = Stopwatch(), limit.left()
     stopwatch.progress = limit.progress.silent()
     return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch
@@ -767,8 +773,9 @@ def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch
 #
 # A block with all its steps in a window has the same cost there as in the whole problem. The part
 # of any other block in the window is a stretch, which is a problem of its own. The assignment and
-# the prices of the whole problem give a bracket of its cost. If this is too wide, the stretch is
-# solved, together with many others. The solver starts from this assignment and these prices.
+# the prices of the whole problem give a bracket of the cost of the stretch. If the bracket is too
+# wide, the stretch is solved, together with many others. The solver starts from this assignment and
+# these prices.
 
 
 def slide(
@@ -824,7 +831,7 @@ def slide(
 
 
 def _of_windows(states: States, first: Ints, last: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Return the stretches of blocks in the windows; equal ones only once.
+    """Return the distinct stretches of blocks in the windows.
 
     Returns
     -------
@@ -895,7 +902,7 @@ def _added(
         return sum_by(window, value[stretch], len(first))
 
     def between(value: Floats) -> Floats:
-        """Sum values >= 0 of the steps of each window, without subtraction."""
+        """Sum values >= 0 over the steps of each window; no digits are lost by subtraction."""
         if not len(first):
             return np.zeros(0)
         edges = np.stack((first, last + 1), axis=1).ravel()

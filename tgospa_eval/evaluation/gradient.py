@@ -1,8 +1,9 @@
 """Derivatives of a result, computed as those of the cost of its assignment.
 
 The total is a minimum of the cost over assignments. If the best assignment is unique, the total has
-the same derivative as the cost of this assignment (envelope theorem, Danskin). If several are best,
-the total may have a kink, and the derivative is one-sided (docs/how-to/gradient.md).
+the same derivative as the cost of this assignment (envelope theorem, Danskin). If several
+assignments are best, the total may have a kink, and the derivative is one-sided
+(docs/how-to/gradient.md).
 """
 
 import math

@@ -52,7 +52,7 @@ class Condition:
     sign : str
         ``=``, or one of `COMPARISONS`.
     values : tuple of str
-        One value. For ``=`` there may be several values, one of which must be equal.
+        One value; for ``=`` one or more. For ``=``, a row is selected if it has one of the values.
     """
 
     text: str
@@ -229,7 +229,7 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Mark rows of the estimate: those in a region, and by a rule those at no truth step."""
+        """Mark the rows of the estimate that are in a region or, by a rule, at no truth step."""
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)
@@ -242,7 +242,7 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """Parse texts, each of which has one or more rules; `max_speed` is that of `Ignoring`.
+    """Parse texts with one or more rules each; `max_speed` is that of `Ignoring`.
 
     Raises
     ------

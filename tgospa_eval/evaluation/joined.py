@@ -66,7 +66,7 @@ SURELY = 1.001
 def can_be_joined(request: EvaluationRequest) -> bool:
     """Return whether this request allows evaluating pairs together.
 
-    It must ask for the plain metric of points, without further results.
+    The request must be for the plain metric of points, without further results.
     """
     solver, distance = request.solver, request.distance
     return (
@@ -85,8 +85,8 @@ def can_be_joined(request: EvaluationRequest) -> bool:
 def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
     """Return whether a pair can be evaluated together with the pair `first`.
 
-    It must have the same distance and columns. Its states must be points with coordinates below
-    `LARGE`.
+    Both must have the same distance and columns. The states of the pair must be points with
+    coordinates below `LARGE`.
     """
     sides = pair.alignment.truth, pair.alignment.estimate
     return (
@@ -161,8 +161,8 @@ class JoinedPairs:
     def sound(self) -> Mask:
         """Return a mask of the pairs in which `diagnose` would surely see nothing wrong.
 
-        Here the first tests of `diagnose` run for all pairs at once, at the steps that it would
-        use. A pair close to a limit is not marked. All pairs that are not marked need `diagnose`.
+        The first tests of `diagnose` run here for all pairs at once, at the steps that `diagnose`
+        would use. A pair close to a limit is not marked. All pairs without a mark need `diagnose`.
         """
         sides, count = self.sides, len(self.steps) - 1
         both = places_of(occupied(sides[0]) & occupied(sides[1]))
@@ -193,7 +193,7 @@ class JoinedPairs:
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
         """Return a mask of pairs in which one displacement may explain most of the distances.
 
-        `pair` has the pair of truth and estimate to which each assigned pair of states belongs.
+        For each assigned pair of states, `pair` has the index of its pair of truth and estimate.
         """
         first, second = (
             side.side.state[side.row[rows[here.taken]]]

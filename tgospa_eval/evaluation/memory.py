@@ -39,7 +39,7 @@ With pictures, the bytes of rows in memory are multiplied by the factor."""
 BYTES_COMPARED = 40, 280
 """Bytes of a row and bytes of a near pair, until the problem is solved.
 
-They are for an evaluation in memory whose number of near pairs is known."""
+These are for an evaluation in memory, when the number of near pairs is known."""
 
 PICTURES, OF_PICTURES = 70 * MB, 400
 """Largest number of bytes of the pictures of trajectories, and their bytes for each row."""
@@ -51,16 +51,18 @@ TABLES = 150 * MB
 """Bytes of a worker that writes tables."""
 
 MIN_SHARE, GOOD_SHARE = 16 * MB, 64 * MB
-"""Bytes of data that the only process needs, and that each process needs if there are several."""
+"""Smallest number of bytes for data: of a single process, and of each of several processes."""
 
 MAX_ROWS = 4_000_000
-"""Largest number of rows of a block, a part of the data, however much memory there is."""
+"""Largest number of rows of a block, even with much memory; a block is a part of the data."""
 
 BYTES_OF_BLOCK = 600
 """Bytes that a worker needs for each row of a block."""
 
 SHARD_ENTRIES = 1_000_000
-"""Number of near pairs with which a shard is full: some seconds of work, about 200 MB."""
+"""Number of near pairs with which a shard is full: some seconds of work, about 200 MB.
+
+A shard is a group of components that are solved together."""
 
 BYTES_OF_SHARD, BYTES_OF_MARKS, BYTES_KEPT = 400, 100, 60
 """Bytes of a near pair of a shard, and two additions to them.
@@ -196,7 +198,8 @@ def format_of(path: str) -> str | None:
 def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
     """Return about how many bytes an evaluation in memory needs, before the files are read.
 
-    One near pair for every two rows is allowed for. `check_pairs` counts them when they are known.
+    The result allows for one near pair for every two rows. `check_pairs` uses the true number of
+    near pairs, once it is known.
     """
     formats = [format_of(path) or "" for path in paths]
     read = [_rows(path, format) for path, format in zip(paths, formats, strict=True)]
@@ -208,7 +211,7 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return the limit for solving the problem that leaves enough of `limit` for pictures."""
+    """Return how much of `limit` solving the problem may use, to leave enough for pictures."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)

@@ -1,6 +1,7 @@
 """HOTA, CLEAR (MOTA) and Identity (IDF1) of pairs of states with a similarity above 0.
 
-[Luiten 2021], [Bernardin 2008] and [Ristani 2016], as TrackEval evaluates them:
+The metrics are those of [Luiten 2021], [Bernardin 2008] and [Ristani 2016], as TrackEval evaluates
+them:
 
     HOTA_a = sqrt(DetA AssA),  DetA = TP / (TP + FN + FP),
     AssA = mean over the matches of n / (length of the truth + length of the estimate - n),
@@ -51,7 +52,7 @@ Sums = dict[str, Any]
 class SimilarPairs:
     """All P pairs of states at the same step with a similarity above 0.
 
-    They are sorted by step, then by true state, then by estimate.
+    Pairs are sorted by step, then by true state, then by estimate.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ class SimilarPairs:
     sizes : (2, T) int array
         Numbers of true states and of estimates at each step.
     lengths : pair of int arrays
-        Number of states of each true object, and of each estimate track; at least one.
+        Number of states of each true object, and of each estimate track. Each number is 1 or more.
     """
 
     step: Ints
@@ -95,9 +96,9 @@ class SimilarPairs:
         )
 
     def disputed(self) -> Iterator[tuple[slice, tuple[Ints, Ints], Floats]]:
-        """Yield what an assignment needs, for each step at which a state is in several pairs.
+        """Yield the input of an assignment, for each step at which a state is in several pairs.
 
-        This is the slice of the pairs of the step, their two places, and a matrix of zeros.
+        The input is the slice of the pairs of the step, their two places, and a matrix of zeros.
         """
         several = np.zeros(len(self.step), bool)
         for place, size in zip(self.place, self.sizes, strict=True):
@@ -193,8 +194,8 @@ def clear(pairs: SimilarPairs) -> Sums:
 def identity(pairs: SimilarPairs) -> Sums:
     """Compute the sums of the identity metrics.
 
-    The assignment is of whole tracks, and has the largest number of common matches. An object may
-    stay unassigned: each one has an additional estimate with which it has no match.
+    Whole tracks are assigned to each other, with the largest sum of common matches. An object may
+    stay unassigned. For this, each object has an additional estimate, with which it has no match.
     """
     from scipy.sparse import coo_array  # lazy: slow to import
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
@@ -222,7 +223,10 @@ METRICS: dict[str, Callable[[SimilarPairs], Sums]] = {
 
 
 def combined(name: str, every: Sequence[Mapping[str, Any]]) -> Sums:
-    """Join the sums of several sequences; means over matches become means over all matches."""
+    """Join the sums of several sequences.
+
+    Means over the matches of a sequence become means over the matches of all sequences.
+    """
     sums: Sums = {key: sum([each[key] for each in every]) for key in SUMMED_FIELDS[name]}
     if name == "hota":
         matches = sums["HOTA_TP"]
@@ -296,9 +300,9 @@ def _by_step(step: Ints, values: Floats) -> np.float64:
 
 
 def _as_dense(index: Ints, values: Floats, size: int) -> Floats:
-    """Sum each row of `values` (k, N) with the rounding of a sum of longer rows.
+    """Sum each row of `values` (k, N) with the rounding of the sum of a longer row with zeros.
 
-    In the longer rows (k, `size`), the values are at the sorted places `index`, between zeros.
+    The longer rows (k, `size`) have the values at the sorted places `index`, and zeros elsewhere.
     NumPy adds such rows half by half, and the first half has a multiple of 8 values.
     """
     if not len(index):

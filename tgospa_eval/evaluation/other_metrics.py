@@ -46,7 +46,7 @@ METRIC_FIELDS = {
     ),
     "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
 }
-"""Reported numbers of each metric, as TrackEval names them; of an array the mean is reported."""
+"""Reported numbers of each metric, as TrackEval names them; an array is reported as its mean."""
 
 IOU = "iou"
 """Name of the distance whose similarity equals that of TrackEval to the last bit."""
@@ -97,7 +97,7 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Compu
     sums : mapping
         Result of `ComputedMetrics.sums`; further keys are allowed.
     names : iterable of str
-        Those of the three metrics that are in the sums.
+        Names of the metrics that are in the sums.
     zero : float
         Distance at which the similarity is 0.
     """

@@ -389,8 +389,8 @@ def _sum_of_brackets(parts: list[B | None]) -> B | None:
 
 def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
     """Return the record of one file from the records of its classes, `inputs`."""
-    # The digest leaves out classes without rows in this file. So the digest of the truth does not
-    # depend on the classes of the estimate.
+    # The digest leaves out classes without rows in this file. Otherwise, the digest of the truth
+    # would depend on the classes of the estimate.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
     off = {
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())

@@ -70,7 +70,7 @@ class AlignedPair:
         Header of each column of the estimate, if it is a table.
     same_header : str
         Option with which the times of truth and estimate are read from columns of the same name.
-        Blank if this is so already, or if there are no such columns.
+        Blank if they are read from such columns already, or if there are none.
     in_parts : bool
         Whether the data are read in parts, and this is one of them. Parts are not interpolated.
     """
@@ -85,7 +85,10 @@ class AlignedPair:
     in_parts: bool = False
 
     def of_parts(self, request: EvaluationRequest) -> EvaluationRequest:
-        """Return the request for parts of both sides, with the distance and the period of all."""
+        """Return the request for a part of the data, with the distance and the period of all data.
+
+        The period is that of the reports of the estimate on a common clock.
+        """
         matching, reports = request.time_matching, self.alignment.reports
         if reports is not None:
             matching = replace(matching, period=reports.period)
@@ -105,8 +108,8 @@ class MeasuredSides(ComparedSides):
     distance : Distance
         Base distance, after its method `prepared`.
     recorded : callable
-        Function without arguments. It returns the records of both sides, with rows and digests,
-        and a record of the truth on which the value is evaluated. Trials of repairs do not call it.
+        Function without arguments. It returns the records of both sides, with numbers of rows and
+        digests, and a record of the evaluated truth. Trials of repairs do not call it.
     step_weights : pair of float arrays, optional
         Weight of each step for its costs, and for its switches.
     existence : pair of (R,) float arrays, optional
@@ -120,7 +123,7 @@ class MeasuredSides(ComparedSides):
     existence: tuple[Floats, Floats] | None = None
 
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
-        """Return the problem of the pairs `near`, which must have all nearer than the cutoff."""
+        """Return the problem of `near`, which must include all pairs nearer than the cutoff."""
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -208,8 +211,8 @@ class NearPairs:
     unjudged : pair of (R,) bool arrays, optional
         Ignored rows of the truth, and excused rows of the estimate.
     reach : (R_truth,) float array, optional
-        Distance beyond the cutoff up to which an estimate may follow each true state. It is above 0
-        only for states in gaps.
+        Distance beyond the cutoff up to which an estimate may follow each true state. This is above
+        0 only for states in gaps.
     given : bool
         Whether the distances were computed at the timestamps of reports, not from these rows.
     """
@@ -443,9 +446,9 @@ def with_far_pairs(
     reach: Floats,
     resources: Resources,
 ) -> Pairs:
-    """Add the pairs of true states in gaps that are beyond the cutoff by at most `reach`.
+    """Add pairs of true states in gaps, with distances up to the cutoff plus `reach`.
 
-    `cutoff` has the cutoff, and a margin for rounding by which a pair may be farther.
+    `cutoff` has the cutoff, and a margin for rounding, by which a distance may be larger.
     """
     rows = np.flatnonzero(reach > 0)
     if not len(rows):
@@ -524,7 +527,7 @@ def fit(
     Raises
     ------
     ConfigError
-        The grid leaves no step, or requested probabilities of existence are missing.
+        The grid has no step, or requested probabilities of existence are missing.
     InputError
         Columns, states, times or probabilities do not fit each other or the distance. Messages use
         `names`.
@@ -588,7 +591,7 @@ def _weighted(aligned: Alignment, weights: Floats) -> Alignment:
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
-    """Return the record of the weights of the steps, which is their digest."""
+    """Return the record of the weights of the steps: their digest."""
     if given is None:
         return {}
     order = np.argsort(given.times, kind="stable")

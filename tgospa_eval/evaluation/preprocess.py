@@ -2,15 +2,15 @@
 
 MOTChallenge of 2016 and 2017, and KITTI in the image, match boxes of the estimate and the truth one
 to one at each step. The matching has the largest sum of IoU; only pairs with an IoU of 1/2 or more
-count. Estimates matched with a true object that is not evaluated are left out. KITTI also leaves
-out other estimates that are small, or have more than half of their area in one `DontCare` region.
-Rules and their order are those of TrackEval. As in TrackEval, the order of rows in the file decides
-between equal sums.
+count. An estimate is left out if it is matched with a true object that is not evaluated. KITTI also
+leaves out an estimate without a match if it is small, or has more than half of its area in one
+`DontCare` region. Rules and their order are those of TrackEval. As in TrackEval, the order of rows
+in the file decides between equal sums.
 
-VisDrone leaves out boxes of truth and estimate that are inside the ignored regions of their step:
-at least half of the area is in the regions together. The function ``dropObjects`` of its toolkit
-does the same. It also uses the edge of the image, which is in no file. UA-DETRAC uses the same
-rule.
+VisDrone leaves out boxes of truth and estimate that are inside the ignored regions of their step. A
+box is inside if the regions together cover at least half of its area. The function ``dropObjects``
+of the VisDrone toolkit does the same, but it also uses the edge of the image, which is in no file.
+UA-DETRAC uses the same rule as VisDrone.
 
 With ``:ignore`` after the name of a benchmark, rows are marked and not left out. True objects that
 are not evaluated are ignored. Estimates that are small or in a region are excused. The matching is
@@ -107,7 +107,8 @@ def preprocessed(
     Raises
     ------
     ConfigError
-        The truth does not mark the boxes that are not evaluated.
+        The truth does not mark the boxes that are not evaluated, or the regions of UA-DETRAC are
+        missing.
     """
     benchmark, _, how = rule.partition(":")
     chosen = option("preprocess", rule)
@@ -188,7 +189,7 @@ def evaluated_class(classes: tuple[str, ...] | None, rule: str) -> str:
     Raises
     ------
     ConfigError
-        The class is not one of these, or not exactly one class is requested.
+        KITTI does not evaluate the class, or the number of requested classes is not one.
     """
     requested = [name.strip().casefold() for name in classes or ()]
     if len(requested) != 1 or requested[0] not in NEIGHBOURS:
@@ -205,8 +206,7 @@ def _motchallenge(
 ) -> RowRoles:
     """Return roles by the rules of MOTChallenge: pedestrians are evaluated, distractors neutral.
 
-    With `whole`, the roles are those of `everything`, which also has rows with the flag 0; these
-    are not evaluated.
+    With `whole`, the roles are those of `everything`. Its rows with the flag 0 are not evaluated.
     """
     distractors = _of_classes(everything, DISTRACTORS)
     removed = _on(distractors, _matched(everything, estimate, names))
@@ -234,7 +234,7 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRole
 
 
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> RowRoles:
-    """Return roles by the rule of UA-DETRAC, in whole pixels.
+    """Return roles by the rule of VisDrone, which is that of UA-DETRAC, but in whole pixels.
 
     Regions grow by one pixel at the left and at the top.
     """
@@ -280,7 +280,7 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
 
 
 def _on(neutral: Mask, match: Ints) -> Mask:
-    """Return a mask of the estimate rows whose match, a row of the truth, is `neutral`."""
+    """Return a mask of the estimate rows that match a row of the truth in `neutral`."""
     return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
 

@@ -61,8 +61,8 @@ def prove(
 ) -> PairEvaluation:
     """Prove a solution, and return the result.
 
-    The memory of the weights is reused if the solution is disposable. The curve and the windows are
-    made if `request` asks for them.
+    If the solution is disposable, the memory of its weights is reused. The curve and the windows
+    are computed if they are requested.
     """
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
@@ -167,7 +167,7 @@ def make_result(
 
 
 def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
-    """Return the record of the solver in a result; `met` says that the bounds are near enough.
+    """Return the record of the solver in a result; `met` says if the gap is reached.
 
     The history of the solver has brackets, which are converted from units of c^p to costs.
     """
@@ -234,7 +234,7 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
 
 
 def at_cutoff(pairs: int) -> tuple[Notice, ...]:
-    """Warn of pairs whose distance is the cutoff and whose object is ignored, if there are any."""
+    """Warn if ignored objects have estimates at a distance that equals the cutoff."""
     if not pairs:
         return ()
     of = "an ignored truth and an estimate"
@@ -254,9 +254,9 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
     """Warn if rounded decimals of large coordinates leave less than ten digits of the total.
 
     Let u be the spacing of doubles at the largest coordinate. A rounded decimal has the standard
-    error u / sqrt(12), and the difference of two decimals has u / sqrt(6). The cost d^p of a pair
-    with the distance d has p d^(p - 1) times the error of d. Errors of pairs are independent, so
-    their squares add up.
+    error u / sqrt(12), and the difference of two decimals has the standard error u / sqrt(6). The
+    error of the cost d^p of a pair is p d^(p - 1) times the error of its distance d. Errors of
+    pairs are independent, so their squares add up.
 
     If u is 1 or more, integers may also have been rounded, and states may only seem to be equal.
     """
@@ -272,7 +272,7 @@ def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notic
         slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
         error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
         total = proof.breakdown.total
-        if not ROUNDED_DIGIT * total < error < total:  # above, the bounds show the rounding
+        if not ROUNDED_DIGIT * total < error < total:  # bounds show larger errors
             return ()
         digit = math.ceil(-math.log10(error / total))
         what = f"digit {digit} of the total may come from rounding"

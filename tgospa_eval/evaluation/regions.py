@@ -56,7 +56,7 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     ConfigError
         The type is not accepted, or there are polygons and shapely is missing.
     InputError
-        A region is wrong: it is without an area, or a polygon crosses itself.
+        A region is wrong: for example, it has no area, or a polygon crosses itself.
     """
     if given is None:
         return None
@@ -126,8 +126,8 @@ def inside(
     Points count in a region or on its edge. Boxes count if the regions of the step together cover
     at least half of their area. Let a box be between a_k and b_k on axis k, and another box between
     a'_k and b'_k. The share of the first box inside the other is, as in TrackEval,
-    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. It is 0 for a box
-    without area.
+    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. A box without
+    area has the share 0.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ def inside(
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        If given, a single region must cover more than this share of the box. By default all regions
-        of the step together must cover at least half of it.
+        Share of a box that a single region must exceed. By default, all regions of the step
+        together must cover at least half of the box.
 
     Raises
     ------
@@ -195,9 +195,10 @@ def _candidates(
 ) -> Iterator[tuple[Ints, Ints]]:
     """Yield rows, and for each row the index of a region that may overlap with it.
 
-    The rows are those of one step, or of all steps if `step` is None. A region of a table, in the
-    plane or in an image, comes only with rows whose bounding boxes are near its own. `spread` says
-    that the rows are boxes. Each yield has a single region, or boxes as rows and as regions.
+    The rows are those of one step, or of all steps if `step` is None. `spread` says that they are
+    boxes. For a region of a table, in the plane or in an image, only rows with a bounding box near
+    that of the region are yielded. For any other region, all rows are yielded. All rows of one
+    yield have the same region, except if rows and regions are boxes.
     """
     begins = starts_of_steps(side)
     low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
@@ -378,7 +379,7 @@ def _text(value: Any) -> str:
 
 
 NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
-"""Sets of columns, one of which each region must have, as a text for messages."""
+"""Sets of columns, as a text for messages; each region must have the columns of one set."""
 
 KNOWN = {name for columns in SHAPES.values() for name in columns}
 
@@ -490,7 +491,7 @@ def of_geojson(document: Any, name: str) -> Regions:
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
-    """Return the rings of each polygon of a geometry; a position has its first two numbers."""
+    """Return the rings of each polygon of a geometry, with two numbers for each position."""
     kind = geometry.get("type") if isinstance(geometry, Mapping) else None
     if kind not in ("Polygon", "MultiPolygon"):
         raise InputError(f"{where}: {quoted(kind)} is neither a Polygon nor a MultiPolygon")

@@ -98,7 +98,7 @@ class Sliding:
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """Format the length of a window; in steps, it is at most that of the recording."""
+        """Format the length of a window; a number of steps is at most that of the recording."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:
@@ -199,7 +199,7 @@ class EvaluationRequest:
     with_ : sequence of str
         Other metrics: names from `OTHER_METRICS`, except NEES.
     nees : bool
-        Whether NEES is requested. Otherwise it is computed only if the distance compares
+        Whether NEES is requested. Without a request, it is computed only if the distance compares
         covariances or particles.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
@@ -259,8 +259,8 @@ class EvaluationRequest:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of states, besides points, that the evaluation needs.
 
-        They are those that the distance compares. If it compares only points and NEES is requested,
-        they are all kinds.
+        These are the kinds that the distance compares. If the distance compares only points, but
+        NEES is requested, all kinds are needed.
         """
         return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 

@@ -4,9 +4,9 @@ Each cost belongs to a row. Localisation and misses belong to the row of the tru
 false target belongs to its own row. A switch belongs to the row of its true object at the step
 where it is counted.
 
-Values of an attribute are those of a column, or follow from the states. The value of a row decides
-its slice, or its shares in several slices. The shares of a row sum to 1, and numbers are summed
-pairwise. So slices add up to the total, except for a few roundings.
+The values of an attribute are in a column, or follow from the states. The value of a row decides
+its slice, or its shares in several slices. Slices add up to the total, because the shares of a row
+sum to 1. There are only a few roundings, because numbers are summed pairwise.
 """
 
 from collections.abc import Callable, Sequence
@@ -75,7 +75,7 @@ class Members:
         Names of all slices.
     shares : tuple of tuple of SideShare
         Pairs with the shares of the rows of truth and estimate. There are several pairs if a row
-        can be in several slices; its shares sum to 1.
+        can be in several slices. In all pairs together, the shares of a row sum to 1.
     kept : (n,) bool array
         Mask of the slices that are shown even if they are empty.
     """
@@ -157,9 +157,9 @@ def _numbers(
     texts: Sequence[Values],
     wanted: str,
 ) -> list[Floats | None]:
-    """Return the values as numbers, NaN for a blank; refuse columns in `texts`, which have texts.
+    """Return the values as numbers, NaN for a blank.
 
-    `wanted` says for the message what needs numbers.
+    `texts` has the columns with texts. If there is one, an error says that texts have no `wanted`.
     """
     if texts:
         given = texts[0][texts[0] != ""]
@@ -283,9 +283,10 @@ def _numbered(
     rows: tuple[int, int],
     kept: Mask | None = None,
 ) -> Members:
-    """Return slices in which each row is whole, given the index of the slice of each row.
+    """Return slices from the index of the slice of each row; each row is in one slice only.
 
-    One more slice has rows without a value (index -1), and one has a side without values (None).
+    One more slice has rows without a value (index -1). Another one has all rows of a side without
+    values (None).
     """
     size = len(names)
     truth, estimate = (
@@ -464,7 +465,7 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
 def _speeds(side: Trajectories) -> Floats:
     """Return the speed of each row: from the velocity in the states, else from positions.
 
-    In the second case, the positions are those of the rows before and after it in its track. At an
+    A speed from positions is that between the row before and the row after it in its track. At an
     end of the track, the row itself replaces the missing row. A track with one row has no speed.
     Speeds are per second if times are ISO times.
     """
@@ -490,9 +491,9 @@ def _speeds(side: Trajectories) -> Floats:
 
 
 def _sizes(side: Trajectories) -> Floats | None:
-    """Return the area of each box: from the states, else as width times height from columns.
+    """Return the area of each box, from the states or else from columns.
 
-    Without a column of heights, it is width times length.
+    Columns give the area as width times height or, without heights, as width times length.
     """
     if side.columns == BOX:
         return side.state[:, 2] * side.state[:, 3]
@@ -522,7 +523,7 @@ def _ages(side: Trajectories) -> Floats:
 def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
     """Return "inside" for rows in all ranges of the region, ends included, else "outside".
 
-    A row is blank if a value is missing. The result is None if a column is missing.
+    The result is blank for a row with a missing value, and None if a column is missing.
     """
     inside, known = np.ones(len(side.step), bool), np.ones(len(side.step), bool)
     for name, low, high in attribute.ranges:
@@ -552,7 +553,7 @@ def slice_members(
 ) -> dict[str, Members]:
     """Return the requested slices, and which rows of truth and estimate are in them.
 
-    They do not depend on the assignment.
+    Slices do not depend on the assignment.
 
     Raises
     ------
@@ -618,7 +619,8 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
 def row_costs(proof: PairProof) -> RowCosts:
     """Return the costs of an assignment by row.
 
-    Errors of assigned states are included; they leave out the same pairs as the summary.
+    Errors of assigned states are included. As in the summary, pairs with a state that is not
+    evaluated have no error.
     """
     states, weights, metric = proof.states, proof.weights, proof.parameters
     problem = states.problem
@@ -667,7 +669,7 @@ def _evaluated_rows(truths: Objects) -> Floats:
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """Return the row of a true object at a step; else its next row, else its last row."""
+    """Return the row of a true object at a step; if it has none, the next row, or the last one."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]

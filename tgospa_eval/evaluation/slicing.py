@@ -36,10 +36,10 @@ class Attribute:
     origin : tuple of float
         Point from which ``range`` is measured.
     edges : tuple of float
-        Increasing ends of ranges, each of which is a slice. If both outer ends are infinite, no
+        Increasing ends of ranges. Each range is a slice. If both outer ends are infinite, no
         value is outside.
     values : tuple of str
-        Texts, each of which has its own slice.
+        Texts. Each text has its own slice.
     weight : bool
         Whether values are shares from 0 to 1.
     ranges : tuple of (str, float, float)
@@ -55,7 +55,7 @@ class Attribute:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of files that may have the values, or from which these may follow."""
+        """Columns of files that may have the values, or from which values may follow."""
         if self.ranges:
             return tuple(name for name, _, _ in self.ranges)
         if self.name == "size":

@@ -32,7 +32,7 @@ HALF = 0.5 - 1e-9
 """Smallest weight with which an object counts as followed, with room for rounding."""
 
 ROUNDED = 1e-12
-"""Largest share of all weights that is the rounding of a sum of weights."""
+"""Margin for the rounding of a sum of weights, as a share of the sum of all weights."""
 
 ALIKE = 1e-6
 """Largest relative difference of two spans of time that count as equal."""
@@ -75,7 +75,7 @@ class SideRows:
 
     @classmethod
     def joined(cls, several: "Sequence[SideRows]") -> "tuple[SideRows, Ints]":
-        """Join the tracks under new indices; return also the number of rows before each part."""
+        """Return all tracks under new indices, and the number of rows before each part."""
         tracks, sizes = (
             np.cumsum([0, *counts])
             for counts in ([one.tracks for one in several], [len(one.track) for one in several])
@@ -289,8 +289,8 @@ class Axes:
     ) -> Floats:
         """Return velocities of some rows of the truth (N, k), NaN where they are unknown.
 
-        They are those in the states if these have one for each axis of the position. Otherwise, and
-        always on the Earth, they follow from the positions in the rows before and after.
+        Velocities in the states are used if there is one for each axis of the position. Otherwise,
+        and always on the Earth, velocities follow from the positions in the rows before and after.
         """
         if not self.on_earth and len(self.speeds) == self.places:
             return states[rows[at]][:, self.speeds]
@@ -398,7 +398,7 @@ class _Stretches:
 
 
 def _stretches(tracked: Tracked) -> _Stretches:
-    """Return the followed stretches; of several estimates, that with the largest weight counts."""
+    """Return the followed stretches; among several estimates, the largest weight decides."""
     truth, at, size = tracked.truth, tracked.at, len(tracked.truth.track)
     time = tracked.timestamps[truth.step]
     is_followed = sum_by(at, tracked.weight, size) >= HALF
@@ -437,7 +437,7 @@ def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats
     `whose` and `who` are the tracks of truth and estimate of each pair of states, in order of the
     truth.
     """
-    for _ in range(2):  # the first round joins neighbours, which leaves few to sort
+    for _ in range(2):  # round 1 joins neighbours, so that few are left to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]
@@ -450,9 +450,9 @@ def _errors(tracked: Tracked) -> Json:
     """Return errors of assigned states, and the latency of the estimate.
 
     Errors are in the base distance, by axis, along the track and across the track. Let e be the
-    error and v the velocity of a true object. An estimate with the latency L is L v behind the
-    object. So the latency is the L for which the squares of ``e + L v`` have the smallest sum. Its
-    gain is the share by which this sum is smaller than for L = 0.
+    error of a pair, and v the velocity of its true object. An estimate with the latency L is L v
+    behind the object. So the latency is the L for which the squares of ``e + L v`` have the
+    smallest sum. The gain of the latency is the share by which this sum is smaller than for L = 0.
     """
     weight, error, sums = tracked.weight, tracked.error, tracked.sums
     total = float(weight.sum())

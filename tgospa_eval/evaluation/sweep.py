@@ -32,9 +32,9 @@ CONCAVE = ("cutoff", "switch_penalty")
 """Parameters for which prices interpolated between two solved points are a useful start."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""Largest work of an easy solution: half sweeps over all states, and iterations.
+"""Largest work of an easy solution: half sweeps of the solver over all states, and iterations.
 
-If a solution without a warm start was easy, it is not kept as a start of other points."""
+A solution that was easy without a warm start is not kept as a start of other points."""
 
 
 def in_order(name: str, values: Sequence[float], rest: dict[str, float]) -> tuple[Parameters, ...]:
@@ -62,7 +62,7 @@ def _check_steps(
 ) -> None:
     """Check that all points have the same steps.
 
-    An outage of the estimate ends with a near pair. So the steps can depend on a swept cutoff.
+    The steps can depend on a swept cutoff, because an outage of the estimate ends with a near pair.
     """
     matching = request.time_matching
     if parameter != "cutoff" or not matching.of_estimate:
@@ -169,7 +169,7 @@ class _Line:
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
         if self.name == "rho" and self.near.unjudged is None:
-            # All values of rho share a solution, except if it has bounds at smaller cutoffs.
+            # One solution serves all values of rho, except if it has bounds at smaller cutoffs.
             if self.solution is None or self.solution.reduced:
                 self.solution = replace(solver(states, stopwatch), disposable=False)
             return _point(prove(prepared, solver, self.solution, stopwatch), self.name), None
@@ -200,7 +200,8 @@ class _Line:
         """Return the reduced problem of a point.
 
         If only the switch penalty or rho changes, the reduction of the point before is used again.
-        Exception: if some states are not evaluated, rho also changes which pairs have a gain.
+        One exception: if some states are not evaluated, a change of rho needs a new reduction,
+        because rho then changes which pairs have a gain.
         """
         problem = self.measured.problem(self.near, parameters)
         unchanged = self.name == "switch_penalty" or (

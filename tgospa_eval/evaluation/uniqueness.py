@@ -1,16 +1,17 @@
 """Proof, by the prices of a result, that its assignment of near pairs is the only best one.
 
 Let the prices be optimal. Then each row of a best assignment has a path that is best at these
-prices, or a mixture of such paths. Also, a best assignment fills every slot (steps of an estimate)
-with a price above 0, by complementary slackness. Rows that compete for an estimate have several
-best paths, so prices do not always decide.
+prices, or a mixture of such paths. Also, a best assignment fills every slot with a price above 0,
+by complementary slackness. A slot is a stretch of steps of an estimate. Rows that compete for an
+estimate have several best paths, so prices do not always decide.
 
 Conclusions decide more. If one state of a row is certain, the slot that it fills is closed to all
 other rows. If only one state remains for a slot with a price above 0, this state is certain
 (docs/how-to/gradient.md).
 
 At some steps a pair has no gain, for example while neither object nor track exists. Assignments
-there are often not unique, but they change no part of the cost. They are tested only on request.
+there are often not unique, but they change no part of the cost. These steps are tested only on
+request.
 """
 
 import itertools
@@ -46,7 +47,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     gap : float
         Relative gap that counts as exact.
     everywhere : bool
-        Whether pairs without gain are tested too. They decide at which step a switch is counted.
+        Whether pairs without gain are tested too. Such pairs decide when a switch counts.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
@@ -110,8 +111,8 @@ class _Rows:
     def draw_conclusions(self) -> bool:
         """Draw conclusions until there are no new ones; return False if they contradict.
 
-        All rivals of a certain state are excluded. The only state left for a slot with a price is
-        certain.
+        All rivals of a certain state are excluded. A state is certain if it is the only remaining
+        one for a slot with a price above 0.
         """
         columns, rows = self.states.columns, self.states.rows
         while True:
@@ -131,7 +132,7 @@ class _Rows:
             self.near &= ~self.closed
 
     def survey(self, wanted: Mask) -> bool:
-        """Search for best paths again, after conclusions; return whether candidates are fewer.
+        """Search for best paths again, after conclusions; return whether anything changes.
 
         `wanted` (nodes,) is a mask of the rows that are searched.
         """
@@ -148,9 +149,9 @@ class _Rows:
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
     """Return two masks of states.
 
-    The first marks states on a best path of their row. The second marks states such that no best
-    path of the row is in "none" when the state begins. A path is best if its loss is at most
-    `reach`.
+    The first mask has the states on a best path of their row. A state is in the second mask if no
+    best path of its row is in "none" when the state begins. A path counts as best if its loss is at
+    most `reach`.
     """
     if not kernels:
         loss, without = path_losses(states, value)

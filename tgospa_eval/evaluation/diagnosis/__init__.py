@@ -87,7 +87,7 @@ def diagnose(
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """Yield notices about how both sides were brought to their steps.
 
-    They count interpolated states, reports on a common clock, and states that are not used.
+    The notices count interpolated states, reports on a common clock, and states that are not used.
     """
     if axis.made is not None:
         side, (between, own, unused) = axis.made
@@ -128,8 +128,8 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
 def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     """Warn of declared steps that seem wrong by one.
 
-    This is so if there are rows at only one time outside of them, which would be the next step at
-    one end, while the step at the other end has no row.
+    There is a warning if two conditions are true. All rows outside of the declared steps are at one
+    time, which would be the next step at one end. The declared step at the other end has no row.
     """
     if matching.steps is None or not any(sides.axis.left_out):
         return []
@@ -181,7 +181,7 @@ def silence_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list
         )
     elif not outages.counted:
         remedy = f"leave out {option('outage', 'none')} if the tracker should report at all times"
-    elif sides.alignment.common:  # else no object would be left
+    elif sides.alignment.common:  # otherwise, no true state would be left
         remedy = f"use {option('outage', 'none')} if the tracker reports only what it sees"
     if not outages.counted:
         text += f"; outages do not count, so {states} at these times are not evaluated"
@@ -272,7 +272,7 @@ def steps_of(aligned: Alignment, matching: TimeMatching) -> dict[str, int]:
     """Return numbers of steps: of either side, of both, and that count.
 
     If steps are not those of the files, ``common`` is the number of steps with states of both
-    sides, and ``truth`` and ``estimate`` are those with states of one side.
+    sides. ``truth`` and ``estimate`` are then the numbers of steps with states of that side.
     """
     steps = {"union": aligned.union, "common": aligned.common, "counted": len(aligned.truth.times)}
     if matching.decided or matching.interpolate:
@@ -283,7 +283,7 @@ def steps_of(aligned: Alignment, matching: TimeMatching) -> dict[str, int]:
 
 
 def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
-    """Describe the alignment of two sides: common steps, joined timestamps, rows left out."""
+    """Describe the alignment: common steps, joined timestamps, and rows that are left out."""
     rest = aligned.union - aligned.common
     at = "at the other, objects count as missed and tracks as false"
     if rest > 1:

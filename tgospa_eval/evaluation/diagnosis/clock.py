@@ -7,12 +7,14 @@ A shift is a time that is added to the timestamps of the estimate. The best one 
 
     G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
 
-where d is the distance of a pair, c the cutoff and p the order. The truth moves on straight lines
-between its states. Candidates are the differences in time of states that are near each other. Of
-these, G selects the best, which are then refined. The best shift is reported only if it is clearly
-better than any other shift with enough steps in the recording of the truth. Clearly means: compared
-to how much gains vary between stretches of the recording. So there is no report for targets at rest
-or on a circle.
+where d is the distance of a pair, c the cutoff and p the order. Between its states, the truth moves
+on straight lines. A true state and an estimate that are near each other suggest a shift, which is
+the difference of their times. Shifts that many such pairs suggest are candidates, and so are whole
+hours. The candidates with the largest G are refined. The best shift is reported only if its gain
+exceeds that of all farther shifts by several standard errors. A shift that moves most steps out of
+the recording of the truth is not compared. Standard errors are estimated from the gains of separate
+stretches of the recording. For targets at rest or on a circle, many shifts are about equally good,
+and nothing is reported.
 """
 
 import math
@@ -57,7 +59,7 @@ SAME = 0.01
 """Times count as equal if they differ by less than this share of the time between samples."""
 
 TIMELINE = 300_000
-"""Largest number of states, or of times, of the sampled truth, with interpolated states."""
+"""Largest number of times at which the truth is sampled, and of sampled states."""
 
 SEGMENTS = 2_000
 """Largest number of pairs of consecutive true states that give the typical speed and time."""
@@ -110,7 +112,7 @@ class Timeline:
         own : (T,) float array
             Timestamps of the truth.
         cutoff : float
-            Cutoff; half of it counts as far.
+            Cutoff. A move between two samples is far if it is longer than half of the cutoff.
         distance : Distance
             Base distance.
         """
@@ -186,9 +188,10 @@ HALVINGS = 7
 """The smallest change of a shift is the time between samples, halved this many times."""
 
 DOUBLINGS = 5
-"""Shifts around the best one, with which it is compared, differ from it by up to a limit.
+"""Number of doublings of the time between samples, which give the farthest compared shift.
 
-The limit is the time between samples, doubled this many times."""
+The best shift is compared with shifts around it. The farthest of them differs from it by the time
+between samples, doubled this many times."""
 
 STRETCHES = 20
 """Number of stretches of the recording whose gains give the standard errors."""
@@ -197,18 +200,22 @@ SIGNIFICANT = 4.0
 """Number of standard errors by which other shifts must be worse than the best one."""
 
 LOCAL = 6.0
-"""A rival farther away than this multiple of the uncertainty is another maximum.
+"""Largest distance of a rival from the best shift, as a multiple of the uncertainty.
 
-A rival is a shift that is not clearly worse. If there is such a maximum, nothing is reported."""
+A rival is a shift that is not clearly worse than the best one. A rival at a larger distance belongs
+to another maximum of the gain, and then no shift is reported."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Smallest shares that a rival has of the best shift: of its steps, and of its gain at them."""
+"""Smallest shares that a rival has of the steps and of the gain of the best shift.
+
+A step counts if it is inside the recording of the truth after both shifts. The gain is that at
+these steps."""
 
 ROBUST = 16.0
-"""A sharp fit counts a pair only if its (d / c)^p is below this multiple of the median one."""
+"""Multiple of the median of (d / c)^p, below which a sharp fit counts a pair."""
 
 MIN_ERROR = 1 / 400
-"""Smallest limit of (d / c)^p up to which a sharp fit counts pairs."""
+"""Smallest limit of (d / c)^p for pairs of a sharp fit, if the median in `ROBUST` is tiny."""
 
 ENOUGH_NEAR = 1 / 3
 """Smallest share of the possible pairs that must be near for a good fit."""
@@ -274,8 +281,9 @@ class Fit:
     def excels(self, other: "Fit") -> bool:
         """Return whether this fit is clearly better than another one.
 
-        They are compared at the steps that both have inside the recording of the truth. This fit is
-        also better if these are too few of its steps, or if the other fit has far less gain there.
+        Both are compared at their common steps, which are inside the recording of the truth after
+        both shifts. This fit also excels if the common steps are only a small part of its own
+        steps, or if the other fit has far less gain at the common steps.
         """
         both = self.inside & other.inside
         if (
@@ -287,13 +295,15 @@ class Fit:
 
 
 STARTS, ROUNDS = 6, 6
-"""Number of shifts from which a displacement is searched, and number of rounds of each search."""
+"""Numbers of shifts and of rounds in the search for an estimate that is also displaced in space.
+
+A search begins at each of these shifts, and has this number of rounds."""
 
 OUTLIERS = 4.0
 """A pair is not used if its error is above this multiple of the median error."""
 
 VARIED = 0.02
-"""Smallest variation of velocities, as a share of the squared speeds, for this search.
+"""Smallest variation of velocities for a search for a displacement, relative to squared speeds.
 
 With less variation, a shift in time looks the same as a displacement."""
 
@@ -399,9 +409,10 @@ class Search:
         Parameters
         ----------
         shifts : iterable of float
-            Candidates in addition to those that are searched.
+            Candidates in addition to those that this method finds itself.
         here : Search, optional
-            Search with the timestamps as they were read, if those here are in another unit.
+            Search with the timestamps as they were read. It is given if this search has them in
+            another unit.
 
         Returns
         -------
@@ -444,14 +455,14 @@ class Search:
     def _beside_displacement(
         self, tried: list[Fit]
     ) -> tuple[float, float, float] | tuple[()] | None:
-        """Return the shift of an estimate that is also displaced in space, as `offset` does.
+        """Return the shift of an estimate that is also displaced in space, in the form of `offset`.
 
-        The result is None if a displacement is not clear. It is empty if the estimate is displaced,
-        but no shift is clearly better than the shift 0.
+        The result is None if a displacement is not clear. The result is empty if the estimate is
+        displaced, but no shift is clearly better than the shift 0.
 
         The error e of a pair is v s + b, where v is the velocity of the true object, s the shift
-        and b the displacement. If velocities differ, least squares give s and b. The shift 0 is
-        compared with its own best displacement.
+        and b the displacement. If velocities differ, least squares give s and b. The best
+        displacement is also computed for the shift 0, before both shifts are compared.
         """
         if not isinstance(self.distance, Norm) or self.timeline.periods:
             return None
@@ -473,10 +484,11 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """Return the best fit near a shift, with its displacement, or None if it is unclear.
+        """Return the fit with the best shift and displacement near a shift, or None if unclear.
 
-        Two more results are two standard errors of the shift, and True if the displacement is more
-        than noise. With `moves` False, the shift stays as it is.
+        The second result is two standard errors of the best shift. The third result is True if the
+        displacement is more than noise. With `moves` False, only the displacement is searched, and
+        the shift stays as it is.
         """
         offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
         for _ in range(ROUNDS):
@@ -565,10 +577,10 @@ class Search:
     ) -> tuple[float, float]:
         """Return two standard errors of the best shift, and how far the farthest rival is from it.
 
-        Near its maximum, the gain G is a parabola, to which noise adds a line. Let another shift
-        have a smaller gain, and divide this loss by its own standard error. The quotient grows with
-        the distance from the best shift. It is 1 at the distance of two standard errors of the best
-        shift.
+        Near its maximum, the gain G is a parabola, to which noise adds a line. The loss of another
+        shift is the difference of its gain to the largest gain. The loss divided by its standard
+        error grows with the distance of this shift from the best one. At the distance of two
+        standard errors of the best shift, the quotient is 1.
         """
         widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
@@ -661,14 +673,16 @@ MOVES = np.array([[1], [-1]])
 """Numbers of steps by which the estimate is moved for the test of `SUSPICIOUS`."""
 
 PREFERRED = 2.0
-"""Multiple of the uncertainty up to which a simpler offset is preferred.
+"""Largest difference of a simpler offset from the best shift, as a multiple of the uncertainty.
 
-An offset is simpler if it is a whole number of hours, or makes timestamps equal."""
+An offset is simpler if it is a whole number of hours, or makes timestamps equal. Such an offset is
+preferred. If states are compared at equal timestamps only, an offset that makes timestamps equal
+may always differ by half a step."""
 
 MINUTE = 60
-"""Limit in seconds: an offset is rounded to hours only if its uncertainty is small.
+"""Limit in seconds for the uncertainty of an offset that is rounded to whole hours.
 
-`PREFERRED` times the uncertainty must be below the limit."""
+`PREFERRED` times the uncertainty must be below this limit."""
 
 HOURS = 14
 """Largest offset, in hours, that may be a difference of time zones."""
@@ -799,7 +813,7 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
 
 
 def rounded_up(value: float) -> str:
-    """Round up to two digits, but not because of a rounding error in the last digit."""
+    """Round up to two digits, after removing rounding errors by rounding to 15 digits."""
     from decimal import ROUND_CEILING, Context
 
     rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
@@ -921,7 +935,8 @@ def _clock(
 ) -> ClockError:
     """Return the correction with the simplest offset among those that fit equally well.
 
-    If states are compared at equal timestamps only, this offset makes timestamps equal.
+    A whole number of hours comes first, then an offset that makes different timestamps equal, then
+    the best shift, rounded by its uncertainty.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
@@ -952,7 +967,7 @@ def _clock(
     if equal is not None and not moves:
         tolerance = equal[1] + unit * abs(float(time_offset - exact))
         if tolerance > 4 * float(np.spacing(float(np.abs(search.truth.times[[0, -1]]).max()))):
-            wide = 10.0 ** math.ceil(math.log10(tolerance / unit))  # not all steps were examined
+            wide = 10.0 ** math.ceil(math.log10(tolerance / unit))  # not all steps are examined
             cures.append(("time_tolerance", plain(wide)))
     elif not moves:
         gap = rounded_up(search.timeline.longest / unit)
@@ -975,8 +990,8 @@ def _equal_timestamps(
 ) -> "tuple[Fraction, float] | None":
     """Return an offset that makes most timestamps equal, if one is nearer than `far` to `shift`.
 
-    The second value is the largest difference of timestamps that are then nearly equal. The offset
-    0 is preferred.
+    The second result is the largest difference that remains between these timestamps. The offset 0
+    is preferred.
     """
     from fractions import Fraction  # lazy: slow to import, and most clocks agree
 
@@ -999,7 +1014,7 @@ def _equal_timestamps(
 
 
 def _rounded(value: float, noise: float) -> float:
-    """Round to the digits that are not far below the noise."""
+    """Round to a power of ten that is at most half of the noise, and above a twentieth of it."""
     digits = math.ceil(-math.log10(noise / 2))
     return round(value, digits)
 

@@ -4,9 +4,9 @@
 
 This is the cost of a step with m true objects and n estimates (docs/theory/metric.md,
 "Identities"). A pair with the distance d has the gain 1 - (d / c)^p, where c is the cutoff and p
-the order. If each true object had its largest gain, the sum of these would be an upper bound of G,
-and the same is true of the estimates. A greedy choice of pairs gives a lower bound of G. The best
-assignment is computed only if these bounds are not sufficient for a decision.
+the order. The sum of the largest gain of each true object is an upper bound of G. The sum of the
+largest gain of each estimate is another one. A greedy choice of pairs gives a lower bound of G. The
+best assignment is computed only if these bounds are not sufficient for a decision.
 """
 
 from dataclasses import replace
@@ -103,8 +103,8 @@ FIRST_STEPS = 25
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
 """Largest number of examined rows of truth or estimate, and a larger limit for few steps.
 
-The second limit is that of up to `FEWEST_STEPS` steps. With fewer steps, no data would look sound,
-and the search for another clock would take longer."""
+The second limit is used if the first one allows fewer than `FEWEST_STEPS` steps. With fewer steps
+than that, no data would look sound, and the search for another clock would take longer."""
 
 SAMPLE_PAIRS = 200_000
 """Largest number of examined pairs, near or not, if there are more than `FEWEST_STEPS` steps."""
@@ -174,7 +174,7 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], limit: int = SAMPLE) -> Ints:
     """Return evenly spread steps out of `steps`, as many as can be examined in short time.
 
-    They are at most `limit`.
+    The result has at most `limit` steps.
     """
     count = max(1, min(len(steps), affordable(sides), limit))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
@@ -206,9 +206,9 @@ NOTABLE_COST = 1e-3
 """Smallest cost that can cause a warning of a fault, as a share of the cost without pairs."""
 
 CHEAPER = 2 / 3
-"""Share of the steps with costs at which a change must lower the cost.
+"""Smallest share of the steps with costs at which a change must lower the cost.
 
-If only one step is costly, as after a late start, a fault of all steps is not likely."""
+If only one step has a cost, as after a late start, a fault of all steps is not likely."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -368,9 +368,9 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
     """Return the share of the costs `here` that a change saves, if this is clear, else 0.
 
     `there` are the costs after the change. The saving is clear if it is at least half of the cost,
-    and if enough steps become cheaper: the share `CHEAPER` of steps with costs, and half of
-    `fewest`. An object that is left out by the change costs as much as one without a pair, so that
-    leaving it out saves nothing.
+    and if enough steps become cheaper. These must be at least the share `CHEAPER` of the steps with
+    costs, and at least half of `fewest`. An object that the change leaves out counts as an object
+    without a pair, so that leaving it out saves nothing.
     """
     unseen = max(0.0, float(here.unassigned.sum() - there.unassigned.sum()))
     if 2 * (there.lower.sum() + unseen) > here.upper.sum():

@@ -95,14 +95,14 @@ ENOUGH = 100
 HARDLY = 1.5
 """Pairs may be near by chance if they save at most this multiple of the saving by chance.
 
-The saving by chance is measured with displaced estimates. Wrong pairs can save a little more than
-these, because some displaced estimates leave the scene. Right pairs save more than this multiple if
-their noise is below the cutoff."""
+The saving by chance is measured with displaced estimates. Some of these are moved away from all
+true states, so wrong pairs of the given estimates can save a little more. Right pairs save more
+than this multiple, if the noise of the estimates is below the cutoff."""
 
 LITTLE = 0.005
-"""Share of the possible saving that is not counted in the test.
+"""Share of the possible saving that is subtracted from the saving of the pairs in the test.
 
-It is for pairs that stay near because they move in one direction."""
+Two states that move in the same direction can stay near each other by chance."""
 
 MOVES = (3.0, 6.0)
 """Displacements of the estimates along a line, as multiples of the cutoff, in both directions."""
@@ -145,10 +145,11 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
 def _is_chance(sample: Sample) -> bool:
     """Return whether pairs save hardly more of the cost than they would by chance.
 
-    For the saving by chance, all estimates are displaced by a few cutoffs, far from their objects,
-    along several lines. The line with the largest saving counts: on a road, an estimate can be near
-    an object if it is displaced along the road, but not if it is displaced across. An exchange of
-    steps would not help, because objects at rest keep their position.
+    For the saving by chance, all estimates are displaced by a few cutoffs along several lines, far
+    from their objects. The line with the largest saving counts. On a road, for example, an estimate
+    that is displaced along the road can be near another object, but not one that is displaced
+    across the road. Estimates of other steps would not help instead, because objects at rest keep
+    their position.
     """
     possible, estimate = sample.here.possible, sample.estimate
     if possible < ENOUGH:
@@ -163,15 +164,15 @@ def _is_chance(sample: Sample) -> bool:
 
 
 def _saved(costs: StepCosts) -> float:
-    """Return how much less than no assignment the greedy choice of pairs costs, in units of c^p."""
+    """Return the cost that the greedy choice of pairs saves, in units of c^p."""
     return float((costs.unassigned - costs.upper).sum())
 
 
 def _lines(sample: Sample) -> Iterator[Floats]:
     """Yield vectors along which estimates are displaced, about as long as the cutoff.
 
-    They are along the diagonals of the first two axes, the axes, and the direction in which the
-    truth is spread most. A vector has the shape (1, d), or (R, d) if it differs between rows.
+    The vectors are along the first two axes, their diagonals, and the direction in which the truth
+    is spread most. A vector has the shape (1, d), or (R, d) if it differs between rows.
     """
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
@@ -209,17 +210,18 @@ FACTORS = {
 """Factors by which coordinates may be wrong, and the units that would explain this."""
 
 FEWEST_PAIRS = 6
-"""Smallest number of near pairs after a change, or the change is not credible.
+"""Smallest number of near pairs after a change that is credible.
 
 A change with a fitted offset needs `FITTED` pairs."""
 
 FITTED = 12
 
 VOTES, EACH = 6_000, 40
-"""Numbers of differences between states in the search for an offset.
+"""Limits of the number of differences between states in the search for an offset.
 
-The first is in total, and the second for each estimate of a step; the larger limit counts. Of the
-differences of an estimate to the true states, at most one is right."""
+The first is a limit of all differences. The second is multiplied by the largest number of estimates
+at a step. The larger limit is used. At most one of the differences between an estimate and the true
+states is right."""
 
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
@@ -346,13 +348,13 @@ def _linear(sample: Sample, frames: Sequence[str], headers: Mapping[str, str]) -
         straight = np.array([name in names for name in columns])
         for by, unit in ((factor, units[1]), (1 / factor, units[0])):
             both = [_own_columns(names, frame, whole=names == lengths) for frame in frames]
-            # What is in metres stays so if metres are compared, or other columns are in one unit.
+            # A side in metres stays so if states are compared in metres, or only heights differ.
             stays = unit == "metres" and (in_metres or names == upward != lengths)
             wrong = int(not both[0] or (bool(both[1]) and not stays))
             own = both[wrong]
             scale = by if wrong else 1 / by
             value = plain(float(f"{scale:.15g}"))
-            way = option("unit_scale", value)  # angles and the truth lack this option
+            way = option("unit_scale", value)  # not for angles, nor for the truth
             if angles or names != lengths or not wrong:
                 way = option(f"{SIDES[wrong]}_scale", ",".join(f"{n}={value}" for n in own))
             what, other = units if scale < 1 else units[::-1]
@@ -374,9 +376,9 @@ def _linear(sample: Sample, frames: Sequence[str], headers: Mapping[str, str]) -
 
 
 def _own_columns(names: list[str], frame: str, *, whole: bool) -> list[str]:
-    """Return the columns of a side in this frame to which these columns are in proportion.
+    """Return the columns of a side in `frame` that are in proportion to the columns `names`.
 
-    `whole` says whether these are all lengths.
+    `whole` says that `names` are all lengths. The result is empty if there are no such columns.
     """
     if frame.startswith("range"):
         return ["range"] * whole
@@ -398,7 +400,8 @@ def _swap(
         for role, frame in list(zip(SIDES, frames, strict=True))[::-1]:
             if frame in ("enu", "ned"):
                 return option(f"{role}_crs", "ned" if frame == "enu" else "enu")
-    is_own = frames[1] in ("", "enu", "ned", ",".join(columns))  # else axes are turned or others
+    # In any other frame, the file does not have the columns that are compared.
+    is_own = frames[1] in ("", "enu", "ned", ",".join(columns))
     if not is_own or list(order) == sorted(order) or (signs < 0).any() or {*columns} - {*headers}:
         return ""
     swapped = [headers[columns[k]] for k in order]
@@ -476,7 +479,7 @@ def _displaced(sample: Sample) -> Iterator[_Change]:
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
-        return  # the distance is not one of differences of columns
+        return  # the distance does not depend on differences of columns
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
@@ -537,10 +540,10 @@ def _mean_difference(sample: Sample) -> Floats | None:
 
 
 def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
-    """Return the difference of true state and estimate that the largest number of pairs have.
+    """Return the most frequent difference of a true state and an estimate at the same step.
 
-    Differences count as one if they are within `radius` (d,). The result is None if there are no
-    pairs, or if numbers are too large.
+    Differences within `radius` (d,) of it count as equal, and it is their mean. The result is None
+    if there are no pairs, or if numbers are too large.
     """
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
