@@ -42,7 +42,7 @@ def inspect(
     """Return the JSON document about the truth, or about the truth, an estimate and how they fit.
 
     `files` has path and content of the truth. If there is an estimate, its path and content follow.
-    `sides` has both sides on common steps. It is None if there is no estimate.
+    `sides` has both sides after their times are aligned. It is None if there is no estimate.
     """
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance

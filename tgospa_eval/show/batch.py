@@ -890,7 +890,11 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Return row indices in groups whose rows have the same jobs and differ in the first label."""
+    """Return groups of row indices. The rows of a group differ only in the first label.
+
+    A group is left out if its rows have different numbers of jobs, or if their ranking does not use
+    all jobs.
+    """
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):

@@ -310,8 +310,8 @@ HALF = 0.4
 """Half the height of a bar. The distance between the middles of two lanes is 1."""
 
 MANY = 40
-"""Largest number of tracks of a side that all have a lane of their own. If there are more, tracks
-without unassigned steps and switches share the last lane."""
+"""Number of tracks of a side. If there are more, all tracks without unassigned steps and switches
+share the last lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -52,7 +52,7 @@ class Kind:
         with files of another run.
     names : collection of str
         Files of every folder of the kind. Before the work begins, they are checked: if one of them
-        exists, an earlier run must have written it.
+        exists, it must be an unchanged file of an earlier run.
     log : str, optional
         Log file of long work, which is never replaced here. It identifies the kind of the folder
         even if there is no manifest.

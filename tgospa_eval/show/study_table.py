@@ -199,7 +199,7 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Check whether a column tells nothing: all counts of jobs are equal, or places are 1, 2, 3."""
+    """Check whether a column tells nothing: equal counts of jobs, or places 1, 2, 3 and so on."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
@@ -311,7 +311,7 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Format values with one number of decimals, by which the largest has `digits` digits."""
+    """Format values with equally many decimals. The largest value has `digits` digits."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
