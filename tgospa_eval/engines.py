@@ -1,9 +1,9 @@
-"""Engines that do jobs in chunks, and try jobs of dead workers again.
+"""Engines that do jobs in chunks, and try a job again if its worker dies.
 
 An engine opens pools of workers, and jobs are submitted to a pool. With the engine `Processes`, the
 workers are processes of this machine (loky, from joblib). With `Cluster`, they are the workers of
-an existing Dask scheduler. `call_in_helper` uses one more process, for compiled code that damaged
-data may crash.
+an existing Dask scheduler. `call_in_helper` uses one more process, for compiled code that can crash
+on damaged data.
 """
 
 import atexit
@@ -44,19 +44,22 @@ POLL = 1.0
 """Seconds without an answer after which a pool is checked by `Pool.poll`."""
 
 CHUNKS_AHEAD = 4
-"""Number of chunks for each worker into which the remaining jobs are divided. So chunks become
-smaller towards the end."""
+"""Number of chunks for each worker into which the remaining jobs are divided. Therefore, chunks
+become smaller towards the end."""
 
 
 class DiedError(Exception):
-    """Error that all processes died that tried a job: one, or several on a cluster."""
+    """Error that a job has no answer, because each worker that tried it died.
+
+    On one machine, one worker tries a job. On a cluster, several do.
+    """
 
 
 class Future(Protocol):
-    """Answer of a pool that is not yet there."""
+    """Answer that a pool will give later."""
 
     def add_done_callback(self, function: Callable[[Any], object], /) -> object:
-        """Call a function with this future when it has ended."""
+        """Set a function that is called with this future when its job has ended."""
 
 
 class Pool(Protocol):
@@ -83,17 +86,17 @@ class Engine(Protocol):
     """Source of workers, in pools."""
 
     def open(self, max_workers: int) -> AbstractContextManager[Pool]:
-        """Yield a new pool. An exception in the block ends the work of the pool.
+        """Yield a new pool. If the block raises an exception, the pool stops its work.
 
-        The number of workers is at most `max_workers`, unless they exist already.
+        The pool has at most `max_workers` new workers. Existing workers are all used.
         """
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
 """Settings of the first, second and third attempt at a job. Each has the largest number of jobs in
 a chunk, the number of chunks that each worker has at once, and whether only one job runs at a time.
-If a worker dies, all jobs that it may have run are tried again by the next settings. So the job
-that kills its worker is identified."""
+If a worker dies, all jobs that it may have run are tried again with the next settings. In the last
+attempt, a job that kills its worker is identified, because no other job runs."""
 
 
 def spread(
@@ -101,8 +104,8 @@ def spread(
 ) -> Generator[R, None, None]:
     """Call `work` for each job in a worker, and yield the answers as they are ready.
 
-    If a worker dies, its jobs are tried again by the rules of `ATTEMPTS`. If a job kills its worker
-    although no other job runs, its answer is that of `lost`.
+    If a worker dies, its jobs are tried again with the settings of `ATTEMPTS`. If a job kills its
+    worker even in the last attempt, `lost` gives the answer for this job.
     """
     left: Sequence[J] = jobs
     for chunk_size, ahead, separate in ATTEMPTS:
@@ -117,7 +120,7 @@ def spread(
 
 
 def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
-    """Do at least one job of a chunk, stop after `CHUNK_SECONDS`, and return the answers."""
+    """Do jobs of a chunk for `CHUNK_SECONDS`, but at least one job, and return the answers."""
     until = time.monotonic() + CHUNK_SECONDS
     answers = []
     for job in chunk:
@@ -170,7 +173,10 @@ def _until_one_dies(
 
 
 def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
-    """Wait for at least one finished future and yield all; after `POLL` seconds yield none."""
+    """Wait for a finished future, then yield all finished ones.
+
+    If there is none after `POLL` seconds, the pool is checked, and nothing is yielded.
+    """
     try:
         yield ended.get(timeout=POLL)
     except queue.Empty:
@@ -181,10 +187,10 @@ def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Worker processes on this machine: loky, as joblib brings it.
+# Worker processes on this machine, by the library loky, which is a part of joblib.
 
 PARENT_CHECK = 1.0
-"""Seconds between checks of a worker that its parent process exists."""
+"""Seconds after which a worker checks again that its parent process exists."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of a worker, in which libraries of linear algebra use one thread."""
@@ -266,9 +272,9 @@ class Local:
 
 
 def _begin_trackers() -> None:
-    """Start Python's resource tracker before a block of `uninterrupted` would start it.
+    """Start Python's resource tracker, so that it is not started in a block of `uninterrupted`.
 
-    The start ends the delay of Ctrl-C in Python up to 3.13.
+    In Python up to 3.13, the start of the tracker would end the delay of Ctrl-C.
     """
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
@@ -280,7 +286,7 @@ def _begin_trackers() -> None:
 def uninterrupted() -> Iterator[None]:
     """Delay Ctrl-C to the end of the block.
 
-    Processes that are started in the block always ignore Ctrl-C: their parent handles it.
+    Processes that are started in the block never react to Ctrl-C, because their parent handles it.
     """
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
@@ -293,16 +299,16 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _begin(share: int | None, parent: int) -> None:
-    """Limit a new worker to `share` bytes of memory, and let it end when its parent ends.
+    """Limit a new worker to `share` bytes of memory, and make it exit after its parent has ended.
 
-    `parent` is the id of the parent process. The worker cannot ask for it, because its parent may
-    have ended already.
+    `parent` is the id of the parent process. The worker cannot ask the system for this id, because
+    the parent may have ended already.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
 
-    # Loky ends a worker that has grown by 0.3 GB. Large jobs need more, and `share` limits them.
-    # In a version of loky without this number, the line has no effect.
+    # By default, loky ends a worker that has grown by 0.3 GB. Large jobs need more memory, which
+    # `share` limits. In a version of loky without this variable, the line has no effect.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     limit_memory(share)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -342,8 +348,8 @@ class PersistentPool:
     max_workers : int
         Largest number of workers in each pool.
     patience : float
-        Seconds for which the caller works itself before it opens the pool. So short work ends
-        without workers.
+        Seconds for which the caller works itself before it opens the pool. Short work is then done
+        before workers are started.
     """
 
     def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
@@ -443,7 +449,7 @@ class Cluster:
             await comm.close()
 
         try:
-            asyncio.run(reach())  # a `Client` without a scheduler would print messages much later
+            asyncio.run(reach())  # without this check, a `Client` would print messages much later
         except (OSError, ValueError) as error:
             raise ConfigError(
                 f"{option('scheduler', self.address)}: no Dask scheduler answers: "
@@ -492,7 +498,7 @@ class Remote:
         """
         with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
-            # Dask would not run a pure function again if a job is submitted twice.
+            # If a job is submitted twice, Dask would run a pure function only once.
             future: Future = self.client.submit(call_checked, content, __version__, pure=False)
             return future
 
@@ -504,7 +510,8 @@ class Remote:
         DiedError
             All workers that tried the job died.
         ConfigError
-            The scheduler is lost, or workers have another version or lack the package.
+            The connection to the scheduler is lost, or workers have another version of the package
+            or none.
         """
         from distributed import KilledWorker
 
@@ -522,7 +529,7 @@ class Remote:
             raise
 
     def poll(self) -> None:
-        """Tell the user, only once, if the scheduler has no workers."""
+        """Tell the user if the scheduler has no workers, but only once."""
         if not self.workers() and not self._is_reported:
             self._is_reported = True
             files.announce(f"waiting for workers of {self.address}")
@@ -535,7 +542,7 @@ class Remote:
 
     @contextmanager
     def _lost_reported(self) -> Iterator[None]:
-        """Turn any error of a lost connection in the block into the same `ConfigError`."""
+        """Raise one kind of `ConfigError` for all errors of a lost connection in the block."""
         from concurrent.futures import CancelledError
 
         try:
@@ -570,9 +577,9 @@ def call_checked(content: bytes, version: str) -> Any:
 
 
 # -------------------------------------------------------------------------------------------------
-# A helper process for compiled code that damaged data may crash: then only the helper ends.
+# A helper process for compiled code that can crash on damaged data. A crash ends only the helper.
 #
-# The helper starts with the first call, and ends with this process.
+# The helper starts at the first call, and ends when this process ends.
 
 SERVE = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -605,9 +612,10 @@ def call_in_helper(function: Callable[..., Any], *arguments: object) -> Any:
 
 @cache
 def _started(parent: int) -> Any:  # noqa: ARG001
-    """Return the helper process of the process with the id `parent`, started at the first call.
+    """Start the helper process at the first call, and return it.
 
-    The id is the key of the cache: a forked process must not use the helper of its parent.
+    `parent` is the id of the calling process. It is the key of the cache, because a forked process
+    must not use the helper of its parent.
 
     Raises
     ------
@@ -642,7 +650,7 @@ def _answer(process: Any, message: object) -> Any:
         pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
         process.stdin.flush()
         return pickle.load(process.stdout)
-    except BaseException as error:  # on Ctrl-C, too: the next call must not get this answer
+    except BaseException as error:  # also Ctrl-C: the next call must not get this answer
         _started.cache_clear()
         process.kill()
         process.communicate()

@@ -5,7 +5,7 @@ TgospaError
     InputError     the content of an input file or table (exit 3)
     SolverError    a solver failed and left no usable answer (exit 4)
 
-TgospaWarning is the category of Python warnings: the data look wrong, or were repaired.
+TgospaWarning is the category of Python warnings that the data look wrong or were repaired.
 """
 
 from enum import IntEnum
@@ -14,7 +14,8 @@ from operator import index
 from tgospa_eval.quoting import visible
 
 LARGEST_COUNT = 2**31 - 2
-"""Largest number of things with 32-bit indices. Ends of ranges, which are one larger, fit, too."""
+"""Largest number of things with 32-bit indices. The end of a range of indices can be one larger
+than this, and still fits into 32 bits."""
 
 
 class ExitStatus(IntEnum):
@@ -55,7 +56,7 @@ class ConfigError(TgospaError, ValueError):
 
 
 class MemoryTooSmallError(ConfigError):
-    """Error that the allowed memory is too small; the work can begin again with another limit."""
+    """Error that the memory limit is too small; the work can begin again with another limit."""
 
     @property
     def reason(self) -> str:
@@ -85,7 +86,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
     Raises
     ------
     ConfigError
-        The value is not a whole number, or out of these limits.
+        The value is not a whole number, or it is outside these limits.
     """
     try:
         number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
@@ -98,7 +99,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that the options leave out all rows. In a batch, such a job has the total 0 instead."""
+    """Error that the options leave out all rows. In a batch, it is no error: the total is 0."""
 
 
 class InputError(TgospaError, ValueError):

@@ -41,8 +41,8 @@ def inspect(
 ) -> Json:
     """Return the JSON document about the truth, or about the truth, an estimate and how they fit.
 
-    `files` has path and content of the truth, then of the estimate, if any. `sides` has both after
-    alignment, or None without an estimate.
+    `files` has path and content of the truth. If there is an estimate, its path and content follow.
+    `sides` has both sides after their times are aligned. It is None if there is no estimate.
     """
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
@@ -72,8 +72,9 @@ def inspect(
         notices = [notice for notice in every if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
-            # The distances are not localisation errors: a wrong unit or clock explains them, or
-            # the distance has an upper end, such as 1 for boxes.
+            # No cutoff is suggested. Either a wrong unit or clock explains the distances, so they
+            # are not localisation errors. Or they have a largest possible value, such as 1 for
+            # boxes.
             both["nearest"]["suggested"] = None
     document["warnings"] = [notice.record() for notice in warnings]
     return document
@@ -146,7 +147,7 @@ def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in order of steps, and the last value of a track stays
+    last[side.track] = side.step  # rows are in order of steps, so the last step of a track stays
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
@@ -214,7 +215,7 @@ def _common_range(a: Floats, b: Floats) -> Json | None:
 def _overlap(aligned: Alignment) -> Json | None:
     """Return the time range that both files cover: first and last time, and number of steps.
 
-    The result is None if there is no such range.
+    If they do not overlap in time, the result is None.
     """
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
@@ -230,10 +231,10 @@ def _overlap(aligned: Alignment) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
-    """Return distances from true states to the nearest estimate of their step, at common steps.
+    """Return distances from true states to the nearest estimate at the same step.
 
-    At most `SAMPLE` steps are examined, with at most `SAMPLE` true states each, evenly spaced. The
-    result is None if no step has rows of both sides.
+    Only steps with rows of both sides are used; without such steps, the result is None. If there
+    are many, `SAMPLE` evenly spaced steps are examined, with at most `SAMPLE` true states at each.
     """
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
@@ -273,7 +274,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 # The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
-"""Extent as min and max, possibly with a median."""
+"""Smallest and largest value as ``min`` and ``max``, possibly also ``median``."""
 
 Row = tuple[str, list[str]]
 
@@ -321,7 +322,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # texts for rules whose names in the JSON do not explain themselves
+    reasons = {  # rules that have names in the JSON which users may not understand
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",
@@ -366,7 +367,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Yield lines on how the files fit. If `warned`, a warning already says that clocks differ."""
+    """Yield lines on how the files fit; if `warned`, without a line on clocks that differ."""
     steps = both["steps"]
     yield in_both(steps) + (f", {steps['joined']} of them joined" if steps["joined"] else "")
     for side, rows in both["left_out"].items():
@@ -415,7 +416,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """Describe the scale and offset with which timestamps of the estimate fit better."""
+    """Describe a scale and an offset of the estimate's timestamps by which these fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -429,7 +430,7 @@ def _shown_clock(clock: Json) -> str:
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Format a range and its median, with a noun or unit: `one` after "1", else `many`."""
+    """Format a range and its median, then a noun or unit: `one` after "1", otherwise `many`."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -446,7 +447,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Format the ends of an interval, with enough digits for them to differ."""
+    """Format the ends of an interval. If they differ, there are enough digits to show this."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]

@@ -1,12 +1,13 @@
 """Quoted texts and names of options in messages.
 
 Text of a user is shown on one line, and is never a command to a terminal or a CI system. Such text
-can contain any character: ids, names of files, columns and classes, units, settings, messages.
+can contain any character. It is in ids, names of files, columns and classes, units and settings.
 Control characters (C0 and C1), line breaks, marks of the writing direction and invisible characters
 are escaped as in Python. The first character of a command of a CI system is escaped too.
 
-A message names options as its reader writes them: ``--max-gap`` on the command line, ``max_gap`` in
-Python. The way of writing is called the surface. `option` writes an option for the current surface.
+A message names an option as the user writes it: ``--max-gap`` on the command line, ``max_gap`` in
+Python. The place where the user writes options is called the surface. `option` returns the text of
+an option for the current surface.
 """
 
 import re
@@ -24,8 +25,8 @@ LISTED = 12
 """Largest number of names that a message lists."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
-"""Begin of a workflow command. On GitHub, only blanks of its line precede it (::error). On Azure,
-TeamCity and older GitHub, any text may (##[error], ##vso[task], ##teamcity[message])."""
+"""Begin of a command of a CI system. On GitHub (::error), only blanks can be before it on its line.
+On Azure, TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message]), any text can."""
 
 
 def visible(text: str) -> str:
@@ -38,33 +39,33 @@ def visible(text: str) -> str:
 
 
 def as_unicode(text: str) -> str:
-    """Return the text with escapes for bytes that are no UTF-8, which names of files can have."""
+    """Return the text with escapes for bytes that are not UTF-8. Names of files can have these."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
 def visible_lines(text: str) -> str:
-    """Return the text of several lines by `visible`, but with its line breaks and tabs."""
+    """Return a text of several lines by `visible`, but keep its line breaks and tabs."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Return the text by `visible`; of a long text only the beginning, and dots for the rest."""
+    """Return the text by `visible`. Of a long text, return the beginning and three dots."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """Return the text; of a long text only dots and the end, where names and paths differ."""
+    """Return the text. Of a long text, return three dots and the end, where most names differ."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
 def quoted(text: object) -> str:
-    """Return the text by `clipped`, between double quotes."""
+    """Return the text, shortened by `clipped`, between double quotes."""
     return f'"{clipped(str(text))}"'
 
 
 def listed(texts: Iterable[object], shown: int = LISTED) -> str:
-    """Return at most `shown` texts by `clipped`, with commas, and the number of further ones."""
+    """Join at most `shown` texts, each by `clipped`, with commas; add the number of the others."""
     names = list(texts)
     rest = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(clipped(str(name)) for name in names[:shown]) + rest
@@ -77,8 +78,8 @@ COMMAND, PYTHON, READER = "command", "python", "reader"
 """Surfaces: the command line, keywords of Python, and keywords of `read_trajectories`."""
 
 surface = ContextVar("surface", default=PYTHON)
-"""Current surface of messages. New threads and processes begin with `PYTHON`: `on_surface` sets
-it there."""
+"""Current surface of messages. New threads and processes begin with `PYTHON`. They get the surface
+of their parent only if it calls them by `on_surface`."""
 
 FLAGS = {"slices": "--slice", "limits": "--max"}
 """Options whose names on the command line differ from their keywords."""
@@ -147,6 +148,6 @@ def spelled_for(name: str) -> Iterator[None]:
 
 
 def on_surface(name: str, function: Callable[..., T], *arguments: object) -> T:
-    """Call a function whose messages are for this surface; workers get that of their parent."""
+    """Call a function with this surface for its messages; used for new threads and processes."""
     with spelled_for(name):
         return function(*arguments)

@@ -1,8 +1,9 @@
 """Association of the states of two sensors, step by step, without files.
 
-The states of one sensor are called a side. At every step, pairs of states are chosen. They minimise
-the sum of the distances of the pairs plus half a cutoff for each unassigned state. So a pair with
-distance d gains ``c - d``, where c is the cutoff. Pairs with ``d >= c`` are not chosen.
+The states of one sensor are called a side. At every step, pairs of states are chosen, which are
+then called associated. Each pair costs its distance d, and each state without a partner costs
+c / 2, where c is the cutoff. The chosen pairs have the smallest sum of these costs. A pair gains
+``c - d``, because its two states would cost c without it. Pairs with ``d >= c`` are not chosen.
 """
 
 from functools import cached_property
@@ -47,8 +48,8 @@ NOBODY = -1
 """Index that stands for "no partner" instead of the row of a partner."""
 
 MAX_STATES = 3000
-"""Largest number of states of one side, at one step, that have states of the other side within the
-cutoff. A matrix of 3000 x 3000 gains has 72 MB."""
+"""Largest number of states of one side at one step. States without a state of the other side within
+the cutoff are not counted. A matrix of 3000 x 3000 gains has 72 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,8 +61,8 @@ class Pairing:
     first, second : Trajectories
         Both sides, on the same times.
     pairs : Pairs
-        The N measured pairs: a row of each side, at the same step. These are the pairs that are
-        nearer than the cutoff, or all pairs if requested.
+        The N measured pairs. A pair has a row of each side, at the same step. All pairs nearer than
+        the cutoff are measured; other pairs are measured only if requested.
     mean_distances : (N,) float array
         Distance between the means of both states of each pair.
     chosen : (N,) bool array
@@ -99,7 +100,7 @@ class Pairing:
 
     @cached_property
     def partners(self) -> tuple[Ints, Ints]:
-        """Array for each side: the row of the partner of each of its rows, or `NOBODY`."""
+        """Row of the partner of each row, or `NOBODY`; an array for each side."""
         a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
         rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
         a[rows[0]], b[rows[1]] = rows[1], rows[0]
@@ -107,7 +108,7 @@ class Pairing:
 
     @cached_property
     def partings(self) -> tuple[Floats, Floats]:
-        """Array for each side: the distance of each of its rows to the partner, 0 without one."""
+        """Distance to the partner of each row, or 0 without a partner; an array for each side."""
         a, b = (np.zeros(len(side.step)) for side in self.sides)
         near = self.pairs.distance[self.chosen]
         a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
@@ -115,17 +116,19 @@ class Pairing:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Matrix G of the ellipse around each state inside which its partner can be, or None.
+        """Ellipses around the states inside which their partners can be; None without ellipses.
 
-        Rows are the R states of the first side. Columns are the d (d + 1) / 2 entries of the lower
-        triangle of G, with d state columns. Two means with a difference z are not associated if
+        Each ellipse is given by a matrix G. The result has a row for each state of the first side,
+        and a column for each of the d (d + 1) / 2 entries of the lower triangle of G, where d is
+        the number of state columns. Two states whose means differ by z are not associated if
         z' G^-1 z >= 1.
 
         G_ij is c^2 C_ij / (s_i s_j). Here c is the cutoff, s has the scales of the columns, and C
-        is the covariance of the distance, by default the unit matrix. If the distance takes C from
-        both states of a pair, C is the mean of the covariances of the state and its partner. A
-        state without partner counts as its own partner. On the Earth, G is valid near the state.
-        The result is None for distances without scales, such as those of boxes.
+        is the covariance of the distance, by default the unit matrix. Some distances take C from
+        both states of a pair. For these, C is the mean of the covariances of the state and its
+        partner, and a state without partner counts as its own partner. On the Earth, G is valid
+        only near the state. The result is None for distances without scales, such as those of
+        boxes.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
@@ -148,7 +151,10 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Return a row for each associated pair, and for each unassigned state with None."""
+        """Return a row for each associated pair, and for each state without partner.
+
+        In the row of a state without partner, the other values are None.
+        """
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         unpaired = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
@@ -161,7 +167,7 @@ class Pairing:
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """Return a row for each of the `pairs`; ``associated`` is 1 for associated ones, else 0."""
+        """Return a row for each of the `pairs`. ``associated`` is 1 for chosen pairs, else 0."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
@@ -195,7 +201,7 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """Return the step of each pair of rows `a` and `b`, one of which may be `NOBODY`."""
+        """Return the step of each pair of rows `a` and `b`; one row of a pair may be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
@@ -238,8 +244,8 @@ def associate(
     distance : str or Distance
         Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a `Distance`.
     all_pairs : bool
-        Whether to measure all pairs of each step, not only those that may be nearer than the
-        cutoff. The association is the same.
+        Whether to measure all pairs of each step, also those that are farther apart than the
+        cutoff. This does not change the association.
     resources : Resources, optional
         Number of threads, and progress.
 
@@ -299,8 +305,8 @@ def _mean_distances(
 ) -> Floats:
     """Return the distances between the means of the pairs.
 
-    They are Euclidean, with the scales and periods of `distance`. If `distance` has no scales, as
-    on the Earth and for boxes, it measures the means itself.
+    The distances are Euclidean, with the scales and periods of `distance`. But if `distance` has no
+    scales, as on the Earth and for boxes, it measures the means itself.
     """
     means: Distance = Norm(
         name="euclidean",
@@ -317,12 +323,12 @@ def _mean_distances(
 # Reduction of all clouds of a recording, and measures of their change.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
-"""Values of one cloud, in the order of `CHANGES`; None where a value is unknown or undefined."""
+"""Values of one cloud, in the order of `CHANGES`. An unknown or undefined value is None."""
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Column with a list for each cloud: the distances between the cloud and its reduction, before each
-iteration."""
+"""Column with a list for each cloud. The list has the distance between the cloud and its reduction
+before each iteration."""
 
 
 def reduce_trajectories(
@@ -344,9 +350,10 @@ def reduce_trajectories(
     Trajectories
         Side with the reduced clouds and their means.
     dict of lists
-        Columns with a value for each cloud: id, t, particles, kept, wasserstein and
-        sliced_wasserstein (distances of order 2 between both clouds), trace_kept (share of the
-        trace of the covariance), mean_shift, and history, the distances of `Reduction.trace`.
+        Columns with a value for each cloud: id, t, particles (number before the reduction), kept
+        (number after it), wasserstein and sliced_wasserstein (distances of order 2 between the
+        cloud and its reduction), trace_kept (share of the trace of the covariance), mean_shift, and
+        history, the distances of `Reduction.trace`.
         wasserstein is None if both clouds are too large for the exact distance, or if POT is not
         installed. trace_kept is None if a cloud has no spread.
     """
@@ -391,7 +398,8 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         float(weights @ ((points - mean) ** 2).sum(axis=1))
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
-    # Weights in single precision cause no warning that they do not sum to 1: reading normalises.
+    # Weights in single precision may not sum to 1. This causes no warning, because reading
+    # normalised them.
     exact = (
         cloud_wasserstein(*before, *after)
         if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2

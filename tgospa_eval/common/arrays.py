@@ -13,7 +13,7 @@ Mask = NDArray[np.bool_]
 
 
 def concatenated(begin: Ints, count: Ints) -> Ints:
-    """Return one array with, for each i in turn, count[i] consecutive integers from begin[i] on."""
+    """Return the joined ranges begin[i], begin[i] + 1, ... of count[i] integers, for each i."""
     end = count.cumsum()
     numbers: Ints = (begin - end + count).repeat(count)
     numbers += np.arange(len(numbers))
@@ -21,7 +21,7 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
 
 
 def stretches(count: Ints, size: int) -> Ints:
-    """Split items with these counts into consecutive groups with a sum of about `size` each.
+    """Split items into consecutive groups. The counts of a group add up to about `size`.
 
     The result has the index of the first item of each group, then the number of items.
     """
@@ -31,9 +31,9 @@ def stretches(count: Ints, size: int) -> Ints:
 
 
 def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) -> Iterator[list[T]]:
-    """Yield the items in lists with a total size of at least `batch_size`, except for the last.
+    """Yield the items in lists. All but the last have a total size of at least `batch_size`.
 
-    The same list is emptied and filled again, so that only one batch is in memory.
+    The same list is emptied and filled again, because only one batch shall be in memory.
     """
     batch: list[T] = []
     total = 0
@@ -59,7 +59,7 @@ def index_type(size: int) -> type[np.integer]:
 
 
 def median(values: NDArray[np.number]) -> float:
-    """Return the median, without np.median, whose import of numpy.ma is slow."""
+    """Return the median. np.median is not used, because it imports numpy.ma, which is slow."""
     ordered = np.sort(values)
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
 

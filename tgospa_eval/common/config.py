@@ -17,10 +17,10 @@ FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
 LARGEST_NUMBER = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
-"""Options by other names that a settings file may use for them."""
+"""Other names of options that a settings file may use, with the names of these options."""
 
 Settings: TypeAlias = dict[str, str | int | float | bool]
-"""Values of options, by the names of the command line without leading dashes: ``max-gap``."""
+"""Values of options, by their names on the command line without leading dashes: ``max-gap``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,14 +78,14 @@ def load(
     Parameters
     ----------
     path : str, optional
-        Path of the file that the user named. By default, one of both files is taken from the
-        current folder, if there is one.
+        Path of the file that the user named. By default, it is ``tgospa-eval.toml`` in the current
+        folder, or ``pyproject.toml`` if this has a table of this program.
     known : callable
-        Function without arguments. It returns a mapping from the name of each option, as in
-        `Settings`, to whether the option is a flag.
+        Function without arguments. It returns a mapping with the name of each option, as in
+        `Settings`. The value is true if the option is a flag.
     trusted : collection of str
-        Options that a file of the current folder can set. Other options are refused there, because
-        somebody else may have written the file.
+        Options that a file in the current folder can set. Other options in such a file are refused,
+        because somebody else may have written the file.
     read : callable
         Function that receives a path and returns the content of the file, or None without a file.
 
@@ -174,7 +174,8 @@ def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
         return FILE, read_toml(FILE, content)
     try:
         content = read("pyproject.toml") or b""
-        # The name of the table is searched first, because parsing takes 15 ms of each start.
+        # The file is parsed only if it has the name of the table, because parsing takes 15 ms of
+        # each start.
         has_table = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
     except ConfigError:
         return None, {}  # a broken pyproject.toml is not reported: other programs use it, too
@@ -226,7 +227,7 @@ class OptionSpec:
     help : str
         Explanation in the help.
     choices : collection of str
-        Allowed values, if they are few. If other packages can add values, it is a registry.
+        Allowed values, if they are few. It is a registry if other packages can add values.
     kind : str
         Kind of the text: ``"path"``, or ``"size"`` of memory; blank for any text.
     low, high : int, optional
@@ -237,8 +238,9 @@ class OptionSpec:
         Whether the option can change TGOSPA or its bracket.
     trusted : bool
         Whether a settings file in the current folder can set the option, although the user did not
-        name the file. Somebody else may have written it. So options that write, connect, take
-        resources, judge, set the accuracy or suppress output are not trusted.
+        name the file. Somebody else may have written this file. Therefore, an option is not trusted
+        if it writes files, connects to other machines, takes resources, judges results, sets the
+        accuracy or suppresses output.
     everywhere : bool
         Whether all commands that evaluate have the option; otherwise only `evaluate` has it.
     stored : bool
@@ -246,8 +248,8 @@ class OptionSpec:
     sensors : bool
         Whether the command `associate` has the option.
     whose : str
-        Names of the distances that have the option, for messages; blank if all have it. The
-        program itself uses `Distance.options`.
+        Names of the distances that have the option; blank if all have it. Only messages use these
+        names. Checks use `Distance.options`.
     methods : sequence of str
         Methods of reduction that have the option; empty if all have it.
     parts : str
@@ -296,7 +298,7 @@ class Values:
 
     @classmethod
     def of(cls, values: Mapping[str, object]) -> Self:
-        """Build an object from all options of a command; options that are no fields are unused."""
+        """Build an object from all options of a command; options without a field are ignored."""
         names = {field.name for field in dataclasses.fields(cls)}
         return cls(**{name: value for name, value in values.items() if name in names})
 

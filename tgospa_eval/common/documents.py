@@ -1,9 +1,9 @@
 """JSON documents: read strictly, and checked against a description of their fields.
 
 A description of a value is a `FieldKind`. For a list, it is a list with the description of the
-items. For an object, it is a dict with the description of each field by name; the key ``...`` has
-the description of all other fields. `Maybe` is for fields that may be missing, `Closed` for objects
-without other fields.
+items. For an object, it is a dict with the description of each field by name. Other fields are
+allowed; if the dict has the key ``...``, they must fit the description at this key. `Maybe` is for
+fields that may be missing, `Closed` is for objects in which no other fields are allowed.
 """
 
 import json
@@ -128,7 +128,7 @@ def _expected(description: Any) -> str:
 
 
 def shown(value: object) -> str:
-    """Format a value for a message: as JSON of limited length, or as "a list" or "an object"."""
+    """Format a value for a message: "a list", "an object", or JSON of limited length."""
     if isinstance(value, dict | list):
         return "an object" if isinstance(value, dict) else "a list"
     return clipped(json.dumps(value, ensure_ascii=False, default=str))
@@ -155,7 +155,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Build an object, and refuse a repeated name: JSON would keep its last value."""
+    """Build an object. Refuse a repeated name, of which the parser would keep the last value."""
     members: dict[str, object] = {}
     for name, value in pairs:
         if name in members:

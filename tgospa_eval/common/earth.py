@@ -32,8 +32,8 @@ def ellipsoid() -> Any:
 def from_crs(text: str, option: str) -> Any:
     """Return the transformation from a projected system to longitude and latitude.
 
-    The first coordinate of the projected system is the one to the east. `option` is the name of the
-    option with the text, for messages.
+    The first coordinate of the projected system increases to the east. `text` names this system.
+    `option` is the option that has the text, for messages.
 
     Raises
     ------
@@ -54,10 +54,10 @@ def from_crs(text: str, option: str) -> Any:
 
 @functools.lru_cache(maxsize=8)
 def topocentric(latitude: float, longitude: float, height: float) -> Any:
-    """Return the transformation to metres east, north and up of a point.
+    """Return the transformation to metres east, north and up, measured from a point.
 
-    It receives longitude, latitude and height. The point is given by its latitude, longitude and
-    height.
+    The arguments are latitude, longitude and height of this point. The transformation receives its
+    coordinates in another order: longitude, latitude and height.
     """
     return _pyproj(option("origin")).Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"

@@ -15,7 +15,7 @@ SETTINGS = 1 << 26
 """Largest number of bytes of a settings file."""
 
 STDIN = "<stdin>"
-"""Path that means the standard input. A real file with this name is given as ./<stdin>."""
+"""Path that means the standard input. A user can name a real file of this name as ./<stdin>."""
 
 CHUNK = 1 << 24
 """Bytes that are read at once if the length is unknown."""
@@ -44,7 +44,7 @@ def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> 
 
 
 def reason(error: Exception) -> str:
-    """Return the system's message about an error, without error number and path."""
+    """Return the message of the system about an error, but not the error number and the path."""
     if isinstance(error, FileNotFoundError) and not os.path.isabs(error.filename or ""):
         try:
             os.getcwd()
@@ -57,7 +57,7 @@ def reason(error: Exception) -> str:
 def patience(path: str, what: str) -> Iterator[None]:
     """Announce that the program waits for a pipe or a terminal, if the block takes long.
 
-    `what` is the expected thing: "data from".
+    `what` is the begin of the message about the awaited thing, such as "data from".
     """
     timer = threading.Timer(PIPE_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True
@@ -82,7 +82,7 @@ def read_bytes(
         if path == STDIN:
             return _of_stdin(kind, max_bytes, remedy)
         status = os.stat(path)
-        if stat.S_ISDIR(status.st_mode):  # the message of Windows would be "permission denied"
+        if stat.S_ISDIR(status.st_mode):  # on Windows, an error would say "permission denied"
             raise kind(f"{path}: is a folder, not a file")
         size, content = status.st_size, b""
         if not stat.S_ISREG(status.st_mode):
@@ -111,12 +111,12 @@ def _of_stdin(kind: type[TgospaError], max_bytes: int, remedy: str) -> bytes:
 
 @lru_cache(maxsize=1)
 def _kept(stream: TextIO) -> list[bytes]:  # noqa: ARG001
-    """Return the list in which the content of a stream is kept, the same one at each call."""
+    """Return the list that keeps the content of a stream, always the same list for a stream."""
     return []
 
 
 def _pieces(path: str, source: str | int, max_bytes: int) -> Iterator[bytes]:
-    """Yield the content of a pipe or a device, up to its end or a little more than `max_bytes`."""
+    """Yield the content of a pipe or a device; stop at its end, or soon after `max_bytes`."""
     with patience(path, "data from"):
         file = open(source, "rb", buffering=0)  # noqa: SIM115
         piece = file.read(CHUNK)
@@ -133,7 +133,7 @@ def is_regular(path: str) -> bool:
 
 
 def is_missing(path: str) -> bool:
-    """Return whether a file is missing; a file that cannot be examined may exist."""
+    """Return whether a file is surely missing. If it cannot be examined, it counts as existing."""
     try:
         os.stat(path)
     except FileNotFoundError:

@@ -11,7 +11,7 @@ from tgospa_eval.common.frozen import dataclass
 class Interval:
     """Interval ``lower <= value <= upper`` of an unknown value.
 
-    Functions with several intervals assume that all have the same unit.
+    Functions that take several intervals assume that all of them have the same unit.
 
     Parameters
     ----------
@@ -71,14 +71,17 @@ def narrowest(brackets: Sequence[Interval]) -> Interval:
 
 
 def excess(value: float, floor: float) -> float:
-    """Return by which fraction of the floor a value is above it; 0 if it is not above."""
+    """Return (value - floor) / floor, but 0 for a value that is not above the floor.
+
+    For a larger value, the result is infinite if the floor is 0.
+    """
     if value <= floor:
         return 0.0
     return (value - floor) / floor if floor > 0 else math.inf
 
 
 def shortfall(value: float, ceiling: float) -> float:
-    """Return by which fraction of the ceiling a value is below it; 0 if it is not below."""
+    """Return (ceiling - value) / ceiling, or 0 if the value is not below the ceiling."""
     return (ceiling - value) / ceiling if value < ceiling else 0.0
 
 
@@ -94,8 +97,8 @@ def places(
     brackets : sequence of Interval
         Brackets of the values.
     alike : callable, optional
-        Function that receives two indices and returns whether the values are equal. By default
-        they are equal if their brackets prove it.
+        Function that receives two indices and returns whether the values count as equal. By
+        default, two values count as equal if their brackets prove it.
     """
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
     ranks = []

@@ -16,7 +16,7 @@ from tgospa_eval.common.files import reason
 def compiled(name: str) -> Any:
     """Import a compiled extension module; return None if it is missing.
 
-    Callers then use slower code. ``TGOSPA_EVAL_KERNEL=numpy`` disables all extension modules.
+    If it is missing, callers use slower code. ``TGOSPA_EVAL_KERNEL=numpy`` disables all of them.
     """
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
@@ -34,7 +34,7 @@ def cores() -> int:
 
 
 # -------------------------------------------------------------------------------------------------
-# Memory: how much there is, and which errors mean that it is full.
+# Memory: its size, and the errors that mean a lack of it.
 
 MEMINFO = "/proc/meminfo"
 CONTAINER = "/sys/fs/cgroup/memory.max"
@@ -59,7 +59,7 @@ def available_memory() -> int | None:
 
 
 def machine_memory() -> int | None:
-    """Return the bytes of memory of the machine, or of the container if this has less."""
+    """Return the bytes of memory of the machine, or of its container if the container has less."""
     sizes = []
     with suppress(OSError, ValueError, AttributeError):
         sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
@@ -69,7 +69,7 @@ def machine_memory() -> int | None:
 
 
 def release_freed() -> None:
-    """Give freed memory back to the system; the C library and Arrow would keep it."""
+    """Give freed memory back to the system. By default, the C library and Arrow keep it."""
     import ctypes  # lazy: only data in parts need it
 
     if "pyarrow" in sys.modules:
@@ -79,7 +79,7 @@ def release_freed() -> None:
 
 
 def is_of_memory(error: BaseException | None) -> bool:
-    """Return whether an error or one of its causes is a lack of memory, in Python or a library."""
+    """Return whether an error, or an error that caused it, means a lack of memory."""
     while error is not None:
         if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
             return True
@@ -104,8 +104,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Number of calls for each thread that are submitted before their results are taken. A small number
-limits the memory of the results."""
+"""Number of calls for each thread that are submitted before their results are taken. The number is
+small, because the results that wait need memory."""
 
 
 def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:

@@ -11,9 +11,9 @@ from tgospa_eval.quoting import visible
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """Sentence for the user. It is a warning if it has a code; every output shows warnings.
+    """Sentence for the user. A notice with a code is a warning; every output shows warnings.
 
-    Invisible characters in it are escaped, as in messages of errors.
+    Invisible characters in a notice are escaped, as in messages of errors.
 
     Parameters
     ----------
@@ -52,16 +52,17 @@ class Notice:
 
 
 def messages_of(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
-    """Return the text about the settings file, if there is one, then the texts of warnings."""
+    """Return a text about the settings file if one is in use, then the texts of the warnings."""
     return [str(one) for one in (settings_file, *warnings) if one is not None]
 
 
 NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
-"""Packages whose frames are skipped to find the line of the user that a warning is about."""
+"""Packages that are not code of the user. Frames in them are skipped to find the user's line for a
+warning."""
 
 
 def warn_user(notices: Iterable[Notice]) -> None:
-    """Issue a Python warning for each notice, at the line of the user that called this package."""
+    """Issue a Python warning for each notice, for the line of the user's code that led to it."""
     level, frame = 2, sys._getframe(1).f_back
     while frame and str(frame.f_globals.get("__name__")).partition(".")[0] in NOT_OF_THE_USER:
         level, frame = level + 1, frame.f_back

@@ -1,9 +1,9 @@
 """Patterns of paths with fields, ``runs/{tracker}/{sequence}.txt``, and the files that match.
 
-A pattern can also name variables in a file of MATLAB, ``study.mat:X``, and cells of a variable:
+A pattern can also name a variable in a file of MATLAB, ``study.mat:X``, or cells of a variable:
 ``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB. A function `Inside` of the
-caller lists them. This module itself opens no files, except those by which this program recognises
-its folders of results.
+caller lists variables and cells. This module itself opens no files, except those by which this
+program recognises its folders of results.
 """
 
 import functools
@@ -17,17 +17,17 @@ from tgospa_eval.common.words import counted
 FIELD = r"\{([A-Za-z_]\w*)\}"
 
 WITH_VARIABLES = r"(?s:(.+\.(?i:mat(?:\.gz|\.gzip|\.zst|\.zstd)?))):"
-"""Regular expression of a file of MATLAB and the colon before the name of a variable."""
+"""Regular expression of the path of a file of MATLAB, with the colon before a variable."""
 
 Inside = Callable[[str], Iterable[str]]
 """Function that receives the path of a file and returns the names of its variables and cells."""
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
-"""Reasons for which a file is skipped, although it matches."""
+"""Reasons to skip a file that matches."""
 
 
 def fields(pattern: str) -> list[str]:
-    """Return the names of the fields of a pattern, each once, in order."""
+    """Return the names of the fields of a pattern in order, without repetitions."""
     return list(dict.fromkeys(re.findall(FIELD, pattern)))
 
 
@@ -41,9 +41,9 @@ def matching_paths(
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield each path below a folder that matches a pattern, and the values of the fields in it.
 
-    A field matches the name of a file or folder, or a piece of it. If it occurs several times, it
-    has the same value everywhere. A name that begins with a dot only matches if the pattern has
-    this dot, too. Paths are in alphabetical order.
+    A field matches the name of a file or folder, or a part of such a name. A field that occurs
+    several times has the same value everywhere. A name of a file or folder that begins with a dot
+    matches only if the pattern has this dot, too. Paths are in alphabetical order.
     """
     for path, values in _all(pattern, folder, inside):
         if _dotted(pattern, path) is None:
@@ -58,11 +58,11 @@ def match_files(
     truth: tuple[str, str] | None = None,
     inside: Inside = lambda _: (),
 ) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
-    """Return the files that match a pattern, without those that it selects by accident.
+    """Return the files that match a pattern, without those that users did not mean.
 
-    Files in the store of a batch, or in a folder of results, are selected only if the pattern names
-    that folder without a field. A truth is not selected as an estimate if the pattern of the
-    estimates has all fields of the pattern of the truths and at least one more.
+    Files in the store of a batch, or in a folder of results, are skipped unless the pattern names
+    that folder without a field. A truth that matches the pattern of the estimates is skipped if
+    this pattern has all fields of the pattern of the truths and at least one more.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ def match_files(
     output : str, optional
         Folder into which the batch writes. It counts as a store even if it has no files yet.
     truth : pair of str, optional
-        If the pattern is that of estimates: the pattern of the truths, and the folder to which that
-        pattern is relative.
+        Pattern of the truths, and the folder to which it is relative. Only for a pattern of
+        estimates.
     inside : callable
         Function as described at `Inside`.
 
@@ -127,9 +127,10 @@ def match_files(
 
 
 def _dotted(pattern: str, path: str) -> str | None:
-    """Return the pattern with a dot before each field whose name in this path begins with a dot.
+    """Add a dot to the pattern before each field that matches a name with a dot in this path.
 
-    The result is None if no field matches such a name.
+    Only fields at the begin of a name count. If no field matches a name that begins with a dot, the
+    result is None.
     """
     if path[:1] != "." and "/." not in _slashed(path):  # most paths have no dots
         return None
@@ -141,7 +142,10 @@ def _dotted(pattern: str, path: str) -> str | None:
 
 
 def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
-    """Yield the folders of a path from the first field on, each with the rest of the path."""
+    """Yield each folder of a path that a field names or that is below such a folder.
+
+    The rest of the path is yielded with each folder.
+    """
     parts = _slashed(path).split("/")
     named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
     for k in range(named + 1, len(parts)):
@@ -153,7 +157,7 @@ def _slashed(path: str) -> str:
 
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield what `matching_paths` yields, and also names with a dot that the pattern lacks."""
+    """Yield the same as `matching_paths`, and also paths that match but for a dot before a name."""
     import glob  # lazy: only patterns need it
 
     file, variable = _split(pattern)
@@ -172,14 +176,14 @@ def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[
 
 
 def values_of(pattern: str, folder: str, path: str) -> dict[str, str] | None:
-    """Return the values that the fields of a pattern have in a path; None if it does not match."""
+    """Return the values of the fields of a pattern in a path; None if the path does not match."""
     file = os.path.relpath(os.path.join(folder, _split(pattern)[0]))
     match = _shape(file, "+").fullmatch(_slashed(path))
     return match.groupdict() if match and _dotted(file, path) is None else None
 
 
 def is_ambiguous(pattern: str, path: str) -> bool:
-    """Return whether the pattern matches the path with several sets of values of its fields."""
+    """Return whether the fields of a pattern can have different values with which it matches."""
     slashed = _slashed(path)
     greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
@@ -189,7 +193,7 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
     """Return the regular expression of a pattern.
 
-    `repeated` is ``+`` if fields shall match as much as possible, ``+?`` if as little.
+    With ``+`` for `repeated`, each field matches as much as possible, with ``+?`` as little.
     """
     file = _split(pattern)[0]
     parts = re.split(FIELD, _of_cell(pattern))

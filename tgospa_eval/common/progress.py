@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 
 
 class Status(StrEnum):
-    """Reasons for which a solver stopped."""
+    """Reasons why a solver stopped."""
 
     SOLVED = "solved"
     NOT_SOLVED = "not solved"
@@ -38,11 +38,11 @@ class Status(StrEnum):
 T = TypeVar("T")
 
 SOON, PACE = 1.0, 0.5
-"""Seconds before proven bounds are first displayed, and seconds between updates."""
+"""Seconds until proven bounds are first displayed, and seconds until the next are displayed."""
 
 
 class StoppedError(Exception):
-    """Error that work was abandoned: a stop was requested, and the work itself cannot stop."""
+    """Error that work was abandoned: a stop was requested, but the work could not be stopped."""
 
 
 class Progress:
@@ -53,7 +53,7 @@ class Progress:
     watched : bool
         Whether the progress is displayed.
     stop : Event, optional
-        Event of other work; if it is set, both stop.
+        Event that other work has, too. If it is set, both stop. By default, a new event.
 
     Attributes
     ----------
@@ -66,9 +66,9 @@ class Progress:
     share : float
         Share of the work that is done, 0 to 1.
     bracket : pair of float, optional
-        Proven bounds of TGOSPA; if the work has several parts, those of the current part.
+        Proven bounds of TGOSPA. If the work has several parts, they are those of the current part.
     left : float, optional
-        Estimated seconds until the end of the pieces of `Stopwatch.paced`.
+        Estimated seconds that the rest of the pieces of work in `Stopwatch.paced` will take.
     """
 
     def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
@@ -89,7 +89,7 @@ class Progress:
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
-        """Return a progress for inner work, which no display reads; both have one stop event."""
+        """Return a progress for inner work. No display reads it, but it has the same stop event."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
@@ -119,13 +119,13 @@ class Progress:
             self.share = max(share, self.share)
 
     def again(self, name: str, share: float) -> None:
-        """Report the share of the part `name` that is done; with a new name, it begins at 0."""
+        """Report the share of the part `name` that is done. A new name begins a new part at 0."""
         if self.name != name:
             self.name, self.share = name, 0.0
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:
-        """Report proven bounds of the total cost, which `scale` converts to TGOSPA."""
+        """Report proven bounds of the total cost. They are converted to TGOSPA by `scale`."""
         bracket = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
         if self.bracket is not None:  # bounds that were proven before may be nearer
             bracket = max(bracket[0], self.bracket[0]), min(bracket[1], self.bracket[1])
@@ -133,9 +133,9 @@ class Progress:
         self._due = max(self._due, time.monotonic() + PACE)
 
     def in_thread(self, work: Callable[[], T]) -> T:
-        """Do work in a thread, so that a stop need not wait for its end.
+        """Do work in a thread. If a stop is requested, the caller need not wait for its end.
 
-        Without a display, the work is done in the calling thread.
+        If the progress is not displayed, the work is done in the calling thread.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class BackgroundTask(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Time limit of the solver, which a request to stop ends, too.
+    """Time limit of the solver. After a request to stop, no time is left either.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ class Limit:
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
-"""Seconds of work after which the time for the rest is estimated. Then the user is told once, if
-the rest takes more than `ANNOUNCED_FROM` seconds."""
+"""Seconds of work after which the time for the rest is estimated first. If this estimate is more
+than `ANNOUNCED_FROM` seconds, the user is told."""
 
 
 class Stopwatch:
@@ -240,7 +240,8 @@ class Stopwatch:
     spans : dict
         Seconds by name.
     work : int
-        Number of states updated by half sweeps of the solver; a state counts in each half sweep.
+        Number of states that half sweeps of the solver process. A half sweep goes through all steps
+        once, forwards or backwards. A state counts once in each half sweep.
     busy : float
         Seconds that the sweeps took, added over all threads.
     stage : str
@@ -274,7 +275,7 @@ class Stopwatch:
 
     @contextmanager
     def showing(self, stage: str = "") -> Iterator[None]:
-        """Set `stage` for the block. Whatever the block sets it to, its old value comes back."""
+        """Set `stage` for the block. At the end of the block, its old value is restored."""
         outer, self.stage = self.stage, stage or self.stage
         try:
             yield
@@ -287,14 +288,15 @@ class Stopwatch:
         """Yield pieces of work as they are done, and estimate the time for the remaining pieces.
 
         The estimate uses the time of the finished pieces. `works` has the amount of work of each
-        piece, in any unit. If the user is told, `what` names the work, and `hint` ends the text.
+        piece, in any unit. In the message to the user, `what` names the work, and `hint` is the
+        end.
         """
         works = list(works)
         begin, first, done, whole, announced = -1.0, 0.0, 0.0, sum(works), False
         try:
             for piece, work in zip(pieces, works, strict=True):
                 done += work
-                # Time counts from the end of the first piece: then all threads are busy.
+                # The time counts from the end of the first piece, when all threads are busy.
                 if begin < 0:
                     begin, first = self._clock(), done
                 spent = self._clock() - begin

@@ -1,7 +1,7 @@
 """Registries of members by name, such as base distances and file formats.
 
-Members belong to this package, or to other packages, which declare them as entry points. A registry
-imports nothing slow, because the command line needs the names for its help.
+Members belong to this package or to other packages. Other packages declare them as entry points. A
+registry imports nothing slow, because the command line needs the names for its help.
 """
 
 import os
@@ -92,7 +92,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises
         ------
         ConfigError
-            No member or several members have this name. Or importing the member fails.
+            No member has this name, or several members have it. Or the import of the member fails.
         """
         if not isinstance(name, str) or name not in self:
             raise ConfigError(f"no {self.kind} {quoted(name)}; there are {', '.join(self)}")
@@ -102,10 +102,10 @@ class Registry(Mapping[str, T], Generic[T]):
     def blamed(
         self, name: str, error: type[TgospaError] = ConfigError, where: str = ""
     ) -> Iterator[None]:
-        """Turn an error in the block, which uses a member, into one that names its package.
+        """Turn an error of a member that the block uses into one that names the member's package.
 
-        Errors of members of this package, a `TgospaError` and a `MemoryError` stay as they are.
-        `error` is the class of the new error, and `where` begins its message.
+        Three kinds of errors do not change: those of members of this package, `TgospaError` and
+        `MemoryError`. `error` is the class of the new error, and `where` begins its message.
         """
         try:
             yield
@@ -131,9 +131,9 @@ def load(place: str) -> Any:
 
 
 def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a ``__getattr__`` for a package, which imports a public name when it is first used.
+    """Return a ``__getattr__`` for a package. It imports a public name at the first use.
 
-    `home` has the module of each name, relative to the package.
+    `home` has the module of each public name, relative to the package.
     """
 
     def get(name: str) -> Any:
@@ -158,7 +158,7 @@ def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
             for item in sorted(os.listdir(folder or ".")):
                 if item.endswith((".dist-info", ".egg-info")):
                     package = item.rpartition(".")[0].partition("-")[0].replace("_", "-")
-                    if package not in packages:  # Python imports the first one on its path
+                    if package not in packages:  # Python imports only the first one
                         file = os.path.join(folder, item, "entry_points.txt")
                         packages[package] = list(_declared(package, file))
     return tuple(point for points in packages.values() for point in points)

@@ -13,8 +13,8 @@ THOUSANDS = 1e9
 
 
 PLAIN_DECIMAL = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-"""Regular expression of a plain decimal. It does not match what Python accepts in addition: 1_0,
-digits of other scripts, nan and inf."""
+"""Regular expression of a plain decimal. Python also accepts 1_0, digits of other scripts, nan and
+inf; these do not match."""
 
 PLAIN_WHOLE = "[-+]?[0-9]{1,30}"
 
@@ -62,8 +62,8 @@ def parsed_size(value: object) -> int:
 def shortest(value: float, noise: float) -> float:
     """Return the number with the fewest digits, up to 5, that is within `noise` of the value.
 
-    Without such a number, return the value. A difference of timestamps may be 0.0999999 because of
-    rounding errors; 0.1 is shown instead.
+    If there is no such number, return the value. Example: the difference of two timestamps is
+    0.0999999 because of rounding errors, and 0.1 is shown instead.
     """
     shorter = (float(f"{value:.{digits}g}") for digits in range(1, 6))
     return next((short for short in shorter if abs(short - value) <= noise), value)
@@ -93,9 +93,9 @@ def counted(number: int, one: str, many: str = "") -> str:
     number : int
         The count.
     one : str
-        Singular, possibly with words that follow: ``"row has"``.
+        Singular of the noun, possibly with further words: ``"row has"``.
     many : str
-        Plural with these words: ``"rows have"``. By default, an s is added to `one`.
+        Plural of the same: ``"rows have"``. By default, an s is added to `one`.
     """
     return f"{number:,} {one if number == 1 else many or one + 's'}"
 
@@ -107,7 +107,7 @@ def sizes_in_words(sizes: Mapping[str, int]) -> str:
 
 
 def more(count: int) -> str:
-    """Format how many mistakes of a kind there are besides the one that is shown."""
+    """Format the number of further mistakes of the same kind as one that is shown."""
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
@@ -127,8 +127,8 @@ def install(extra: str) -> str:
     """Return the command that adds an extra to this installation.
 
     The command works even if tgospa-eval is not on a package index: pip keeps the installed
-    version, and fetches only the packages of the extra. Environments of uv have no pip, so the
-    command for them begins with uv. Double quotes work in all shells.
+    version, and fetches only the packages of the extra. In an environment of uv, which has no pip,
+    the command begins with uv. Double quotes work in all shells.
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
     if find_spec("pip") is None:
@@ -137,7 +137,7 @@ def install(extra: str) -> str:
 
 
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Return a sort key for which digits in a text compare as numbers: a2 is before a10."""
+    """Return a sort key by which numbers in a text are in numerical order: a2 is before a10."""
     if text.isascii() and text.isdigit():  # most ids
         digits = text.lstrip("0")
         return [(0, len(digits), digits)], text

@@ -1,4 +1,4 @@
-"""Writing files and folders under temporary names until they are complete; locks; manifests."""
+"""Writing of files and folders, under temporary names until they are complete; locks; manifests."""
 
 import errno
 import hashlib
@@ -30,7 +30,7 @@ def unique() -> str:
 def is_left(path: Path) -> bool:
     """Return whether a file with a name by `unique` is abandoned.
 
-    This is so if the process that made it has ended, or if the file is old.
+    A file is abandoned if the process that made it has ended, or if the file is old.
     """
     number = path.name.removeprefix(FRESH).partition("-")[0]
     try:
@@ -46,7 +46,7 @@ def is_left(path: Path) -> bool:
 
 @contextmanager
 def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Iterator[Path]:
-    """Yield a temporary path, to which the block writes a file or folder; then rename it.
+    """Yield a temporary path. After the block has written a file or folder there, rename it.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
     where : str
         Begin of the message about a full disk; by default the folder.
     shared : bool
-        Whether other processes may write the same folder at the same time. The first complete one
-        stays.
+        Whether other processes may write the same folder at the same time. If they do, the first
+        complete folder stays.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
 
 @contextmanager
 def writing_folder(output: str | Path) -> Iterator[Path]:
-    """Yield a new temporary folder, and rename it as `writing` does; it may be shared."""
+    """Yield a new temporary folder, and rename it like `writing` with a true `shared`."""
     with writing(output, shared=True) as folder:
         folder.mkdir()
         yield folder
@@ -99,6 +99,8 @@ def writing_folder(output: str | Path) -> Iterator[Path]:
 
 def write_file(path: str, data: str | bytes, option: str) -> None:
     """Write a file under a temporary name, then rename it; `option` begins messages.
+
+    A device or a pipe is written directly.
 
     Raises
     ------
@@ -110,14 +112,15 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
     content = data.encode() if isinstance(data, str) else data
     where = f"{option} {path}"
     with named(where, ConfigError, "cannot be written"):
-        target = Path(os.path.realpath(path))  # of a link, the target is replaced
+        target = Path(os.path.realpath(path))  # if the path is a link, its target is replaced
         if target.is_dir():
             raise ConfigError(f"{where}: is a folder; name a file")
         if target.exists() and not target.is_file():  # renaming would remove a device or a pipe
             with patience(path, "a reader of"):
                 target.write_bytes(content)
             return
-        # The module tempfile is not used: only one user can read its files, but CI has several.
+        # The module tempfile is not used. Only one user can read its files, but in CI several users
+        # must read them.
         with writing(target, where) as beside:
             beside.write_bytes(content)
             if target.exists():
@@ -131,9 +134,10 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
 def take_lock(
     file: IO[Any] | int, *, shared: bool = False, wait: bool = False, at: int = 0, size: int = 1
 ) -> bool:
-    """Lock an open file. Return True, but False on Windows.
+    """Lock an open file. Return True if the whole file is locked.
 
-    On Windows, only `size` bytes from `at` on are locked; `shared` and `wait` have no effect.
+    On Windows, only `size` bytes from `at` on are locked, and the result is False. There, `shared`
+    and `wait` have no effect.
 
     Raises
     ------
@@ -158,7 +162,8 @@ def take_lock(
 def turn(folder: Path) -> Iterator[bool]:
     """Wait while other processes write a folder, then lock it for the block.
 
-    The yielded value is False if the system cannot lock folders; then there was no wait.
+    The yielded value is True if the folder is locked. If the system cannot lock folders, the value
+    is False, and the block begins without waiting.
     """
     is_locked, at = False, None
     try:
@@ -190,7 +195,8 @@ STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
 """Name and schema of the file by which the store of a batch is recognised."""
 
 OF_DATA = ("simulate", "proof")
-"""Kinds of folders that contain a truth and an estimate, so their files are not only results."""
+"""Kinds of folders that contain a truth and an estimate. Their files can be evaluated, and do not
+count as results."""
 
 
 FileEntry = tuple[str, int, str]
@@ -207,7 +213,7 @@ def entry(folder: Path, name: str) -> FileEntry:
 def text_of(kind: str, files: Iterable[FileEntry]) -> str:
     """Return the text of a manifest.
 
-    A path can have two entries: for the old and for the new file, while `replace_files` runs.
+    While `replace_files` runs, a path can have two entries: for the old and for the new file.
     """
     listed = [dict(zip(("name", "size", "sha256"), entry, strict=True)) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
@@ -221,7 +227,10 @@ def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
 
 
 def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
-    """Return kind and entries from the manifest of a folder; kind None without a valid one."""
+    """Return kind and entries from the manifest of a folder.
+
+    The kind is None if there is no valid manifest.
+    """
     try:
         document = checked((folder / NAME).read_bytes(), MANIFEST)
     except (FileNotFoundError, IsADirectoryError, ValueError):
@@ -234,7 +243,7 @@ def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
 def results_in(folder: Path) -> Callable[[str], bool]:
     """Return a function that tells whether a path in this folder is a result of this program.
 
-    In the store of a batch, all files are results.
+    If the folder is the store of a batch, all files in it are results.
     """
     with suppress(OSError, ValueError):
         checked((folder / STORE).read_bytes(), {"schema": one_of(STORE_SCHEMA)})
@@ -267,8 +276,8 @@ def replace_files(
     """Move the files of the folder `fresh` into the folder `path`.
 
     First, the manifest is written with the old and the new files, and the file `document` is
-    removed. Then unchanged files of the older run that have no new version are removed, and the new
-    files are moved, the document last. The result is the number of files without a new version.
+    removed. Then unchanged files of the older run that have no new version are removed. Finally,
+    the new files are moved, the document last. The result is the number of removed old files.
     """
     names = {name for name, *_ in files}
     for name in names:  # first, so that an error comes before any file is removed
@@ -284,7 +293,7 @@ def replace_files(
             with suppress(OSError):  # the folder is not empty
                 (path / folder).rmdir()
     for name in sorted(names, key=lambda name: (name == document, name)):
-        # Its folder may have been removed with the last old file.
+        # The folder of a new file may have been removed with the last old file.
         (path / name).parent.mkdir(parents=True, exist_ok=True)
         os.replace(fresh / name, path / name)
     os.replace(fresh / NAME, path / NAME)

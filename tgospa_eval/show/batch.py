@@ -1,8 +1,8 @@
 """Presentation of a batch: sums of groups, proven and statistical order, curves over time.
 
 A group has all jobs with the same value of some labels, such as all jobs of a tracker. The proven
-order of groups is about the evaluated files, and the statistical order is about similar files. The
-page and the pictures are made from the tables in this module.
+order of groups is a fact about the evaluated files. The statistical order tells what to expect of
+similar files. The page and the pictures are made from the tables in this module.
 """
 
 import itertools
@@ -43,8 +43,8 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
 }
 """Kinds of curves with their names. A curve at time t is the root of the mean of a cost over runs.
 
-For ``step``, it is the cost of the step at t. For ``cumulative``, it is the sum of the costs up to
-t, divided by the number of steps of the horizon up to t. ``growing`` is like ``cumulative``, but
+For ``step``, this cost is that of the step at t. For ``cumulative``, it is the sum of the costs up
+to t, divided by the number of steps of the horizon up to t. ``growing`` is like ``cumulative``, but
 the costs come from an evaluation of only the steps up to t.
 """
 
@@ -84,7 +84,7 @@ KIND_COLUMN = "curve"
 """Name of the column with the kind of a curve, if a table has several curves."""
 
 Band = tuple[Sequence[float | None], Sequence[float | None]]
-"""Lower and upper ends of a band at each time; None if too few runs have a value there."""
+"""Lower and upper ends of a band at each time; None if too few runs have a value at this time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +168,8 @@ def on_one_axis(
 ) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
     """Return one time axis for all curves, the positions of each curve on it, and the axis limits.
 
-    Times of several kinds, such as dates and numbers, have no order. Then the axis counts steps.
+    Times of different kinds, such as dates and numbers, have no common order. If there are several
+    kinds, the axis counts steps.
     """
     try:
         positions = places([curve.times for curve in curves])
@@ -225,7 +226,7 @@ MAX_LINES = 6
 class Ranking:
     """Ranking of the values of a label, such as all trackers.
 
-    Their order is that of ``combined``: the p-th root of the sum of the totals of all jobs.
+    They are ordered by the number ``combined``: the p-th root of the sum of the totals of all jobs.
 
     Parameters
     ----------
@@ -238,9 +239,9 @@ class Ranking:
         ``combined``, and ``statistical_place``; both are None if there are too few pairs.
     comparisons : list of dict
         All pairs of entries; the ``first`` has the smaller value. Each has the proven ``verdict``
-        and the proven bounds of the ``difference`` of ``combined``. It also has the ends ``lower``
-        and ``upper`` of the 95 % interval of the difference, ``p_value``, ``p_holm`` and
-        ``significant``, which are None if there are too few pairs in the statistics.
+        and the proven bounds of the ``difference`` of ``combined``. It also has statistics: the
+        ends ``lower`` and ``upper`` of the 95 % interval of the difference, ``p_value``, ``p_holm``
+        and ``significant``. The statistics are None if there are too few pairs.
     jobs, all_jobs : int
         `jobs` is the number of jobs that all entries have; only these are compared. `all_jobs` is
         the number of jobs for which at least one entry has a value.
@@ -252,7 +253,8 @@ class Ranking:
     permutations : int
         Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Seed of the permutations, if they are drawn at random because there are too many for all.
+        Seed for permutations that are drawn at random. This is done if there are too many to try
+        all of them.
     order : float
         The order p.
     parameters : mapping of str to float or str
@@ -304,7 +306,7 @@ class Ranking:
 
     @property
     def population(self) -> str:
-        """Subject of a statistical conclusion: other runs of the scene, or other scenes."""
+        """Subject of a statistical conclusion: other runs for the same truth, or other truths."""
         return "other runs of this scene" if self.truths == 1 else "other scenes"
 
 
@@ -328,8 +330,8 @@ class BatchTables:
     notes : tuple of str
         Sentences: warnings, reasons for missing rankings, and sources of settings.
     slices : mapping of int to list of Slicing
-        Costs of a group split by attributes, summed over its jobs. The key is the index of its row
-        in `groups`.
+        For each group, by the index of its row in `groups`: the costs split by attributes, summed
+        over the jobs of the group.
     curves : tuple of RmsCurve
         Curves over time; empty if the steps of the runs are not stored.
     settings : mapping of str to object
@@ -399,7 +401,7 @@ class BatchTables:
         return self.rows[f"label.{label}"].fillna("").astype(str)
 
     def name_of(self, row: "pd.Series[Any]") -> str:
-        """Return a name for a job: its labels, and the options that only it has."""
+        """Return a name for a job: its labels, and the options that are set only for this job."""
         own = json.loads(str(row["options"]))
         texts = [str(row[f"label.{name}"]) for name in self.labels]
         texts += [f"{key}={value}" for key, value in own.items()]
@@ -430,8 +432,8 @@ class BatchTables:
         Each has its ``name`` and the index of its colour (``track``). ``jobs`` is the number of
         jobs with a value, and ``expected`` the number of all jobs. ``per_step`` and ``rms`` are
         intervals. ``costs`` has the cost per step of each part, and ``cost`` their sum.
-        ``parameters`` has the values of the parameters that differ in the batch. Costs of groups
-        with different values of them cannot be compared.
+        ``parameters`` has the values of the parameters that differ in the batch. Costs can be
+        compared only between groups with the same ``parameters``.
         """
         groups, names = self.groups, list(self.heads)
         if self.by and len(groups):
@@ -460,7 +462,7 @@ class BatchTables:
     def heat(self) -> Json | None:
         """Table of `heat_of`, or None if the jobs have fewer than two labels.
 
-        Its columns are the values of the first label. Its rows are those of the second label.
+        The columns are the values of the first label. The rows are the values of the second label.
         """
         labels = [*self.by, *(name for name in self.labels if name not in self.by)]
         if len(labels) < 2:
@@ -474,7 +476,8 @@ class BatchTables:
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
-        # A group has the colour of its first label, as elsewhere, if each group has its own.
+        # If all groups differ in their first label, a group has the colour of this label, as in
+        # other pictures.
         one_line_each = len(set(first.values())) == len(names)
         track = {
             name: self.compared.get(first[name], k) if one_line_each else k
@@ -506,20 +509,20 @@ def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Inter
 def bracket(row: Mapping[str, Any], name: str) -> Interval:
     """Return the bounds of the value `name` from an entry of a ranking.
 
-    There, ``name`` itself is the upper bound, and ``name_lower`` the lower bound.
+    In an entry, ``name`` itself is the upper bound, and ``name_lower`` is the lower bound.
     """
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
 # -------------------------------------------------------------------------------------------------
-# The table of all jobs, with values of one label across and of another label down.
+# The table of all jobs. The columns are values of one label, the rows are values of another label.
 
 TABLE_ROWS = 60
 """Largest number of rows of a table with numbers. Larger tables have coloured squares instead."""
 
 MAX_SQUARES = 1000
-"""Largest number of rows of a table. Of more rows, those with failed jobs or the largest values are
-shown."""
+"""Largest number of rows of a table. If there are more, it shows the rows with failed jobs and with
+the largest values."""
 
 MAX_COLUMNS = 12
 
@@ -555,17 +558,19 @@ def heat_of(
     -------
     dict
         ``down`` and ``across`` are the names of the two labels. ``rows`` has the values of the
-        label down, and ``columns`` those of the label across. ``hidden_rows`` counts the rows left
-        out, which have the smallest values. ``hidden_columns`` counts the columns left out at the
-        end. ``squares`` is true if there are too many rows for numbers. ``ends`` are the smallest
-        and the largest value, or None without values. ``scales`` counts the sets of parameters:
-        each set has its own scale of shades, from its smallest to its largest value.
+        label down, and ``columns`` those of the label across. ``hidden_rows`` is the number of rows
+        that are left out; these have the smallest values. ``hidden_columns`` is the number of
+        columns that are left out at the end. ``squares`` is true if there are too many rows for
+        numbers. ``ends`` are the smallest and the largest value, or None without values. ``scales``
+        is the number of sets of parameters. Each set has its own scale of shades, from the smallest
+        to the largest value of its jobs.
 
         ``cells`` is a list of rows of cells; a cell without a job is None. In a cell, ``jobs``
-        counts its jobs, and ``failed`` those that failed. ``value`` has both bounds of TGOSPA per
-        step, or None if all jobs failed. ``text`` is the value as text, or "failed". ``level`` is
-        the index of its shade, 0 for the smallest value. ``link`` is the path of the report if the
-        cell has a single job. ``best`` is true if the value is proven to be the best of its row.
+        is the number of its jobs, and ``failed`` the number of those that failed. ``value`` has
+        both bounds of TGOSPA per step, or is None if all jobs failed. ``text`` is the value as
+        text, or "failed". ``level`` is the index of its shade, 0 for the smallest value. ``link``
+        is the path of the report if the cell has a single job. ``best`` is true if the value is
+        proven to be the best of its row.
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
@@ -591,8 +596,8 @@ def heat_of(
         total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
         value = total ** (1 / numbers["order"].astype(float))
         numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
-    # Which rows are kept: first those with failed jobs, then those with the largest values,
-    # relative to the largest value of the same set of parameters.
+    # If there are too many rows, those with failed jobs are kept first, then those with the largest
+    # values. Values are relative to the largest value of the same set of parameters.
     largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
     share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
     names = sorted(share.index, key=natural)
@@ -642,7 +647,7 @@ def heat_of(
 
 
 def slice_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield a table for each attribute by which the costs of groups are split, if requested."""
+    """Yield a table for each attribute by which costs are split; none if no split is requested."""
     yield from result_text.group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
@@ -653,7 +658,7 @@ def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequen
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Return the slices of all groups as one table, labels first; an empty one without slices."""
+    """Return the slices of all groups as one table, labels first. It is empty without slices."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -665,7 +670,7 @@ def slices_of_groups(tables: BatchTables) -> Columns:
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
-    """Explain the slices, if any."""
+    """Yield sentences that explain the slices; none without slices."""
     yield from result_text.about_slices(
         [one for slicings in tables.slices.values() for one in slicings]
     )
@@ -776,9 +781,10 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the table of the study, the table of costs per run, and perhaps one of rankings.
+    """Yield the table of the study, the table of costs per run, and perhaps a table of rankings.
 
-    Rankings have their own table if they are over fewer jobs than the groups, or by fewer labels.
+    The first table shows the rankings, too, if they use all jobs and each group has only one label.
+    Otherwise the rankings have a table of their own.
     """
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
@@ -834,8 +840,8 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
     """Return the ranking, entry and p value of each group, best first.
 
-    The result is empty if rankings are not about the groups: groups have several labels, or a
-    ranking leaves out jobs.
+    The result is empty if the rankings do not fit the groups: if groups have several labels, or if
+    a ranking leaves out jobs.
     """
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
@@ -884,7 +890,11 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Return groups of row indices: rows with the same jobs that differ only in the first label."""
+    """Return groups of row indices. The rows of a group differ only in the first label.
+
+    A group is left out if its rows have different numbers of jobs, or if their ranking does not use
+    all jobs.
+    """
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
     rivals: dict[tuple[Any, ...], list[int]] = {}
     for k, row in enumerate(rows):
@@ -894,7 +904,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 
 def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the tables of other metrics and of covariances of the groups, if requested."""
+    """Yield the requested tables of groups: of other metrics, and of covariances."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
     means = [  # costs are means over the runs, as in compare
@@ -935,7 +945,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """Return the parameters of a ranking as begin of a sentence; blank if they do not differ."""
+    """Return the begin of a sentence: the parameters of a ranking, if they differ in the batch."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
@@ -996,7 +1006,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 
 def about_periods(tables: BatchTables) -> Iterator[str]:
-    """Yield the periods of the reports of each group."""
+    """Yield a sentence on how long each report of a tracker is valid, for each group."""
     if "parameters" in tables.rows:
         keys = [*(f"label.{name}" for name in tables.by), *tables.parameters, "_all"]
         rows = tables.rows.dropna(subset="parameters").assign(_all="")
@@ -1007,7 +1017,7 @@ def about_periods(tables: BatchTables) -> Iterator[str]:
 
 
 def about_other_metrics(tables: BatchTables) -> Iterator[str]:
-    """Explain the other metrics, if they were requested."""
+    """Yield sentences that explain the other metrics; none if no other metric was requested."""
     other = next(result_text.other_records(_with_values(tables)), {})
     if other:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"

@@ -1,6 +1,6 @@
 """List of all pictures that can be drawn of a result, a comparison, a batch and so on.
 
-The drawn thing is called the subject of the picture. matplotlib is imported when the first picture
+The subject of a picture is the object that it shows. matplotlib is imported when the first picture
 is drawn.
 """
 
@@ -88,13 +88,13 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "page of a batch": _CURVES,
     "page of a gate": {"runs": Chart("several:draw_runs")},
 }
-"""For each kind of subject: its pictures by the name of their file. Results of data in parts lack
-the pictures with single tracks."""
+"""Pictures of each kind of subject, by the name of the file. A result of data in parts has only the
+pictures without single tracks and windows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Options of pictures, whose names are checked.
+    """Options of pictures. Unknown names in them are errors.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Pictures:
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
     def names(self, *kinds: str) -> tuple[str, ...]:
-        """Return the names of all files that pictures of these kinds of subjects can have."""
+        """Return the names of all files in which subjects of these kinds can have pictures."""
         charts = (name for kind in kinds for name in CHARTS[kind])
         return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
@@ -171,8 +171,9 @@ def pictures(
     """Draw all pictures of a subject, and return the content of each file by its name.
 
     `kind` is the kind of the subject, a key of `CHARTS`. Each picture has a file in each format.
-    The result is empty without matplotlib. `notify` receives the name of each picture before it is
-    written, and the share of pictures that are done. Only one figure is in memory at a time.
+    The result is empty if matplotlib is not installed. Before the files of a picture are made,
+    `notify` receives its name and the share of pictures that are done. Only one figure is in
+    memory at a time.
     """
     wanted, charts, files = wanted or Pictures(), CHARTS[kind], dict[str, bytes]()
     for at, (name, chart) in enumerate(
@@ -189,7 +190,7 @@ def pictures(
 
 
 class Place(TypedDict, total=False):
-    """Axes or figure of the user in which to draw a picture; by default, in a new figure."""
+    """Axes or figure of the user, in which a picture is drawn. By default, a new figure is used."""
 
     ax: "Axes"
     figure: "Figure | SubFigure"

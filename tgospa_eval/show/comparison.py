@@ -26,7 +26,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
     """Return the report about one or several estimates.
 
     Several estimates are ranked. For one estimate, TGOSPA is shown next to per-step GOSPA.
-    `requested` are names of columns of the main table; empty for the default.
+    `requested` has the names of the columns of the main table; it is empty for the default.
     """
     return table_text.Document(
         kind=_what(document),
@@ -47,7 +47,7 @@ def estimates_document(document: Json, requested: Sequence[str] = ()) -> table_t
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """Yield warnings: if `of_order`, those about the ranking, else all others."""
+    """Yield the warnings about the ranking if `of_order`; otherwise yield all other warnings."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_THE_ORDER) is of_order:
             yield str(Notice(**record))
@@ -105,7 +105,7 @@ def _order(document: Json) -> str:
 
 
 def _what(document: Json) -> str:
-    """Return what the report shows, and the command for another kind of comparison."""
+    """Return a text on the content of the report, with the command for another comparison."""
     count = len(document["estimates"])
     if count > 1:
         return f"Ranking of {count} estimates; {table_text.TO_STUDY}"
@@ -170,7 +170,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[table_te
 
 
 def _pair_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield a table with the difference of each estimate to the first, as cost per step."""
+    """Yield a table of cost per step: the difference between each estimate and the first one."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -193,7 +193,10 @@ def _pair_tables(document: Json) -> Iterator[table_text.Table]:
 
 
 def _against_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield tables that compare TGOSPA with per-step GOSPA, whose switches follow two rules."""
+    """Yield a table that compares TGOSPA with per-step GOSPA.
+
+    Switches are added to GOSPA by the rules of two other programs, `table_text.RULES`.
+    """
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
@@ -355,7 +358,7 @@ ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation
 
 
 def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
-    """Yield a table of values of the problem with entropy, if a run has such a value."""
+    """Yield a table of values of the problem with entropy; none if no run has such a value."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
@@ -372,7 +375,7 @@ def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
-"""Columns of times: ``all`` is the time of solving and proof, the others are its stages."""
+"""Columns of times. ``all`` is the time of solving and proof; the other columns are its stages."""
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
@@ -396,7 +399,7 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
 
 
 # -------------------------------------------------------------------------------------------------
-# A scaling study: solvers on synthetic scenes of several sizes.
+# A scaling study: solvers on scenes (simulated recordings) of several sizes.
 
 
 def study_document(document: Json) -> table_text.Document:
@@ -413,7 +416,7 @@ def study_document(document: Json) -> table_text.Document:
 def study_report(document: Json, pictures: Iterable[str]) -> str:
     """Return the report about a scaling study as Markdown.
 
-    It shows those of the given picture files whose format Markdown can show.
+    The given picture files are shown if Markdown supports their format.
     """
     files = (name.rpartition(".") for name in pictures)
     shown = "\n\n".join(
@@ -636,7 +639,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
     """Yield sentences on the ranges of the parameter over which counts stay the same.
 
-    There are none if a value is not exact: then the counts may not be those of the optimum.
+    If a value is not exact, there are none, because its counts may not be those of the optimum.
     """
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:

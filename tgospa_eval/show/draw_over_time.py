@@ -51,7 +51,7 @@ MARGIN = 0.8
 def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     """Draw the cost of each step as a stacked bar.
 
-    If there are too many steps, a bar is the costliest of several steps, or their mean.
+    If there are too many steps, a bar shows several steps: the costliest of them, or their mean.
     """
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
@@ -132,7 +132,7 @@ def draw_nees(data: PlotData, style: Style) -> Figure | None:
 
 
 def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw at each step k the p-th root of the mean cost of the steps up to k."""
+    """Draw a curve: at each step k, the p-th root of the mean cost of the steps up to k."""
     values = {name: data.document["curve"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(data, style, data.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", data.about)
@@ -173,7 +173,7 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Return edges and values of bars, with a bar of height NaN wherever two bars do not touch."""
+    """Return edges and values of bars; gaps between bars become bars with the value NaN."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
@@ -191,7 +191,7 @@ def time_axis(axis: Axes, data: PlotData, style: Style, *, upright: bool = False
 def name_times(
     axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
-    """Set limits, ticks and name of a time axis; `width` is that of the picture in inches."""
+    """Set limits, ticks and name of a time axis; `width` is the picture's width in inches."""
     letters = float(axis.xaxis.label.get_fontsize())
     characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
@@ -202,7 +202,8 @@ def name_times(
 
 
 # -------------------------------------------------------------------------------------------------
-# The costliest steps, truths and estimates: a bar for each, stacked from the parts of its cost.
+# The costliest steps, truths and estimates. Each has a bar, in which the parts of its cost are
+# stacked.
 
 THICK = 0.36
 """Half the height of a bar. The distance between the middles of two bars is 1."""
@@ -267,7 +268,7 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Draw horizontal stacked bars, the first at the top, and the sum next to each.
+    """Draw horizontal stacked bars, the first bar at the top, and write its sum next to each bar.
 
     There is room for at least `rows` bars. Names are shortened to `letters` characters. The axis is
     `room` times as long as the longest bar.
@@ -277,7 +278,7 @@ def bars(
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # One shape for all bars: otherwise the pattern would be drawn for each bar again.
+            # All bars are one shape. If each were a shape, its pattern would be drawn again.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -296,8 +297,8 @@ def bars(
 
 
 # -------------------------------------------------------------------------------------------------
-# Lanes: a row over time for each truth, then one for each estimate with false steps. A run is a
-# sequence of consecutive steps of a track with the same partner.
+# Lanes: a row over time for each truth, and below for each estimate with false steps. A run is a
+# sequence of consecutive steps at which a track has the same partner.
 
 VECTOR_SHAPES = 4000
 """Largest number of shapes of a kind that stay shapes in vector files; more are drawn as pixels."""
@@ -309,8 +310,8 @@ HALF = 0.4
 """Half the height of a bar. The distance between the middles of two lanes is 1."""
 
 MANY = 40
-"""Number of tracks of a side above which tracks without unassigned steps and switches share the
-last lane."""
+"""Number of tracks of a side. If there are more, all tracks without unassigned steps and switches
+share the last lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -326,7 +327,7 @@ class Lanes:
     hidden : (K,) int array
         Indices of the tracks that share the last lane.
     first : int
-        Vertical position of the first lane; the title of the lanes is above it.
+        Vertical position of the first lane. The title of the lanes is above this position.
     quiet : int
         Number of tracks in the last lane that have neither unassigned steps nor switches.
     """
@@ -398,8 +399,9 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
     """Choose which tracks have their own lanes, at most `max_lanes`, and return the lanes.
 
-    Lanes are in the order of the files. If there are too many tracks, those with unassigned steps
-    or switches come first, then those with high costs. The others share the last lane.
+    If there are too many tracks, those with unassigned steps or switches are chosen first, then
+    those with high costs. The other tracks share the last lane. Chosen lanes are in the order of
+    the file.
     """
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
@@ -420,7 +422,7 @@ def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection
     polygons: Any = corners  # as an array, because a list takes ten times as long
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
-    made.set_in_layout(False)  # the shapes are inside the axes, and checking that is slow
+    made.set_in_layout(False)  # shapes are inside the axes, and it is slow to check this
     axis.add_collection(made, autolim=False)
     return made
 
@@ -430,8 +432,8 @@ def _bars(
 ) -> dict[str, Artist]:
     """Draw assigned runs as bars and unassigned runs as frames, and return entries of the legend.
 
-    Frames are at least `pixel` wide. `whole` is false if there are too many steps to distinguish
-    them. Then there are no frames, because `_shares` draws the unassigned steps.
+    Frames are at least `pixel` wide. `whole` is false if there are too many steps to tell them
+    apart. If it is false, no frames are drawn, because `_shares` draws the unassigned steps.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
@@ -485,9 +487,9 @@ def _column_edges(data: PlotData, columns: int) -> tuple[Floats, Floats]:
 
 
 def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
-    """Return lane and step of each missed or false state.
+    """Return the lane and the step of each missed or false state.
 
-    `chosen` has the lane of each run, NaN for runs that are left out.
+    `chosen` has the lane of each run. It is NaN for runs that are left out.
     """
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
@@ -497,7 +499,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
-    """Draw the share of unassigned steps of each column as a box that hangs from its lane's top."""
+    """Draw a box for each column of a lane, from its top down: the share of unassigned steps."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -512,7 +514,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Darken the foot of the bars up to the largest error of each column, as a share of c."""
+    """Darken the foot of the bars: the height in each column is its largest error divided by c."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -524,13 +526,13 @@ def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
     begin, end = _column_edges(data, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
-    # No outlines, because a bar can have several of these boxes.
+    # Boxes have no outlines, because several of them can be on one bar.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
 def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the lane that tracks share: heights show how many states are unassigned per column."""
+    """Draw the shared lane: heights show the number of unassigned states in each column."""
     if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
@@ -551,8 +553,8 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
 def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
     """Return the indices of the switches to draw.
 
-    If there are more steps than columns, these are the largest switch in each column of a lane, and
-    the first of several equal ones.
+    If there are more steps than columns, only the largest switch in each column of a lane is drawn.
+    Of several equally large switches, it is the first.
     """
     if steps <= columns:
         return np.arange(len(place))
@@ -564,7 +566,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
 def _switches(
     axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Draw switches as triangles at the top of the lanes; those of less than one are small."""
+    """Draw switches as triangles at the top of the lanes; fractions of a switch are small."""
     switches = data.switches
     if not len(switches["step"]):
         return {}
@@ -607,7 +609,7 @@ def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float
 
 
 def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
-    """Write the id of each lane's track next to it, and the number of tracks at shared lanes."""
+    """Write the id of its track next to each lane; at shared lanes, write the number of tracks."""
     places: list[float] = []
     names: list[str] = []
     for lanes in groups:

@@ -34,7 +34,7 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FEW = 30
-"""Largest number of trajectories for which shapes are drawn. Of more, shapes would hide others."""
+"""Largest number of trajectories for which shapes are drawn. More shapes would hide each other."""
 
 CORNERS = 48
 """Number of corners with which an ellipse is drawn."""
@@ -79,15 +79,16 @@ class Plane:
 
     @cached_property
     def places(self) -> dict[str, Floats]:
-        """Coordinates (2, R) of the R states of each side that has states, by side."""
+        """Coordinates (2, R) of the R states of a side, for each side that has states."""
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.data.axes.items() if a}
 
     def spanned(self, packed: Floats, radius: float) -> Floats:
         """Return the sizes (3, R) of R ellipses in the plane, as `ellipses` expects them.
 
-        `packed` has the lower triangle of a covariance C for each. The ellipse is the outline of
-        all z with z' C^-1 z = radius^2. If one of the axes is the time, the ellipse becomes an
-        interval of the other column. If C does not have the columns of the plane, all sizes are 0.
+        `packed` has the lower triangle of a covariance C for each ellipse. The ellipse is the
+        outline of all z with z' C^-1 z = radius^2. If one of the axes is the time, the ellipse
+        becomes an interval of the other column. If C does not have the columns of the plane, all
+        sizes are 0.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
         odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes are no state columns
@@ -105,8 +106,8 @@ class Plane:
     def extents(self) -> dict[str, Floats]:
         """Sizes (3, R) of the shapes around the R states of each side, 0 without a shape.
 
-        For a box, they are half its width and height. Boxes have sizes only if the axes are left
-        and top, or centre x and centre y.
+        The sizes of a box are half its width, half its height, and 0. They are all 0 unless the
+        axes are left and top, or centre x and centre y.
         """
         data = self.data
         if not data.document["boxes"]:
@@ -125,7 +126,7 @@ class Plane:
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Return the rows of a side that have a shape; with `among`, only those of these rows."""
+        """Return the rows of a side that have a shape; if `among` is given, only rows in it."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
@@ -147,8 +148,8 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
         Middle of each ellipse.
     sizes : (3, K) float array
         s, t and q of each ellipse: the outline of all z with z' C^-1 z = 1, where C is the matrix
-        [s^2, q; q, t^2]. With r = q / (s t), its corners are (s cos u, t sin(u + arcsin r)) for
-        0 <= u < 2 pi.
+        [s^2, q; q, t^2]. Its corners are (s cos u, t sin(u + arcsin r)) for 0 <= u < 2 pi, where
+        r = q / (s t).
     power : float
         Order of the norm whose unit ball is drawn, 2 for ellipses. Other norms need q = 0. Both
         coordinates are then divided by the norm of (cos u, sin u).
@@ -168,7 +169,7 @@ def surroundings(
     """Draw the shapes and particles of states; return entries of the legend.
 
     `rows` are the states of each side, and `speck` is the area of a particle of mean weight. A note
-    in the corner tells how many shapes and particles of all are drawn.
+    in the corner tells how many shapes and particles are drawn, and how many there are.
     """
     handles: dict[str, Artist] = {}
     counts: list[str] = []
@@ -231,10 +232,10 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     """Return the rows of each side that the enlarged part of the picture shows.
 
-    They are near the assigned pair with the largest distance, at its step and a few steps before
-    and after it. For associations, only the step of the pair is shown. The result is empty if
-    states have neither ellipses nor gates, if states are boxes, or if there are fewer than three
-    states.
+    The rows are near the assigned pair with the largest distance, at its step and a few steps
+    before and after it. For associations, only the step of the pair is shown, unless an axis is the
+    time. The result is empty if states have neither ellipses nor gates, if states are boxes, or if
+    there are fewer than three states.
     """
     data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
@@ -260,8 +261,8 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 def pairs(plane: Plane, row: Ints) -> Floats:
     """Return lines from estimates to the truths assigned to them.
 
-    `row` are rows of the estimate. The result (2, 3 K) has three columns for each of K pairs: the
-    estimate, the truth, and NaN, which ends the line.
+    `row` has the rows of the estimate that are drawn. The result (2, 3 K) has three columns for
+    each of K pairs: the estimate, the truth, and NaN, which ends the line.
     """
     truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
@@ -275,8 +276,8 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
     """Return rows of tracks that are not too near each other.
 
-    These are the first row of each track, then always the next row whose distance to the last one
-    is larger than the `reach` of both.
+    In each track, the first row is returned. Then each next row is returned if its distance to the
+    last returned row is larger than the `reach` of both.
     """
     kept = []
     last = -1
@@ -298,7 +299,7 @@ GROUPED = 1500
 """Number of events above which neighbouring events of a kind share one mark."""
 
 CELLS = 48
-"""Number of cells along each axis, in each of which events of a kind share one mark."""
+"""Number of cells along each axis. In each cell, all events of a kind share one mark."""
 
 COVERED = 0.08
 """Largest share of the picture that marks of one kind cover, so that they stay distinct."""
@@ -310,7 +311,7 @@ FADED = 0.35
 """Opacity of the lines in the enlarged part of the picture."""
 
 STRETCH = 8
-"""Largest ratio of the lengths of both axes at which they have one scale."""
+"""Largest ratio of the lengths of both axes at which they have the same scale."""
 
 
 MARKS: dict[str, dict[str, Any]] = {
@@ -320,7 +321,7 @@ MARKS: dict[str, dict[str, Any]] = {
 """Looks of the marks of missed and false states."""
 
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
-"""All marks of one kind of event: its name, coordinates x and y, and looks."""
+"""All marks of one kind of event: name of the kind, coordinates x and y, and looks."""
 
 
 def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
@@ -386,7 +387,7 @@ def _name_axes(axis: Axes, plane: Plane) -> None:
 
 
 def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
-    """Draw the enlarged part: states, the shapes around them, and lines between assigned pairs."""
+    """Draw the enlarged part: states, shapes around states, and lines between assigned pairs."""
     data, place = plane.data, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in data.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -459,7 +460,7 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # states that a line would not show: they get a dot
+    single = np.zeros(len(row["track"]), bool)  # states with a dot, as a line would not show them
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # All tracks of a colour are one line with gaps: a thousand lines would take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
@@ -491,11 +492,11 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Draw an arrowhead at the end of each track, and its id.
+    """Draw the id of each track, and an arrowhead at its end unless an axis is the time.
 
     Ids of estimates are at the ends of tracks, ids of truths at the begins. If there are many
     tracks, only the costliest have arrowheads and ids. Ids that would overlap are left out.
-    `inches` and `extent` are the size of the axes and the lengths that they show.
+    `inches` is the size of the axes, and `extent` has the lengths that both axes show, in units.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
     scale = 72 * np.array(inches) / extent  # points per unit
@@ -583,7 +584,7 @@ def _grouped(axis: Axes, data: PlotData, marks: list[Mark], style: Style) -> dic
 
 
 def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
-    """Return mean x, mean y and number of the points, for each cell of a grid that has points."""
+    """Divide the plane into cells; return mean x, mean y and number of points of each used cell."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)  # NumPy 2.0 returns it with two axes
@@ -592,7 +593,10 @@ def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Float
 
 
 def rows_of_switches(data: PlotData) -> Ints:
-    """Return for each switch the row of its true object at that step, or the last row before."""
+    """Return a row of the truth for each switch.
+
+    This is the row of the object at the step of the switch, or the last row before that step.
+    """
     key = data.steps + 1
     row, switches = data.truth.row, data.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
@@ -607,26 +611,27 @@ LOOKS = (
     {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
     {"color": FALSE, "linewidth": 0.9},
 )
-"""Looks of the lines of truth and estimate. The truth is wider, so it shows under the estimate."""
+"""Looks of the lines of truth and estimate. Wide lines of the truth are visible under those of the
+estimate."""
 
 NAMED = 30
 """Largest number of trajectories whose ids are written."""
 
 PRESENCE = "trajectory"
-"""Name of the vertical axis of the panel over time, in which each trajectory has a line."""
+"""Name of the vertical axis in the panel over time. Each trajectory is a line in this panel."""
 
 
 def draw_inspection(
     subject: tuple[Sequence[tuple[str, Trajectories]], str],
     style: Style,
 ) -> Figure:
-    """Draw two panels: trajectories in the plane, and a line over its times for each trajectory.
+    """Draw two panels: one with trajectories in the plane, one with their times as lines.
 
     Parameters
     ----------
-    subject : sequence of (str, Trajectories), and str
-        Name and trajectories of the truth, then perhaps those of an estimate. The text is the unit
-        of the states.
+    subject : pair of a sequence of (str, Trajectories) and a str
+        The sequence has name and trajectories of the truth, then possibly those of an estimate. The
+        text is the unit of the states.
     style : Style
         Sizes and settings. If the style is narrow, one panel is above the other.
     """

@@ -1,4 +1,4 @@
-"""Figures by matplotlib without windows and pyplot, and their files with reproducible bytes."""
+"""Figures of matplotlib, made without windows and pyplot, and files with reproducible bytes."""
 
 import io
 import warnings
@@ -24,7 +24,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.show.style import DOTS, FILES, LIGHT, SOFT, Style
 
 QUICK = 1
-"""Compression level of PNG files, which is quick."""
+"""Compression level of PNG files. It is low, because this is quick."""
 
 PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", default=None)
 """Axes or figure of the user in which the next picture is drawn; None for a new figure."""
@@ -33,7 +33,7 @@ PLACE: ContextVar["Axes | Figure | SubFigure | None"] = ContextVar("place", defa
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
     """Return a figure and an array of its axes, of shape (`rows`, `columns`).
 
-    The figure is a new one of this size in inches, or it is that of `PLACE`.
+    The figure is that of `PLACE`, or a new one with `width` and `height` in inches.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
         axis.set_axisbelow(True)
         for side, spine in axis.spines.items():
             spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # it is inside the figure, and checking that is slow
+            spine.set_in_layout(False)  # it is inside the figure, and a check would be slow
         counted(axis.xaxis)
         counted(axis.yaxis)
         axis.xaxis.set_major_locator(SpacedLocator())
@@ -66,9 +66,9 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
     """Return the content of a file with the picture; call it in a block of `styled`.
 
-    `kind` is a key of `FILES`. The layout is computed once, so all formats have the same layout.
+    `kind` is a key of `FILES`. The first call computes the layout, which all later files keep.
     """
-    # The salt makes ids in an SVG the same each time. 42 is the font type that publishers accept.
+    # With a salt, ids in an SVG are always the same. 42 is the font type that publishers accept.
     matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
     target = io.BytesIO()
     with warnings.catch_warnings():
@@ -79,7 +79,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # quicker than savefig, and the file has no alpha channel
+        if kind == "png":  # this is quicker than savefig, and the file has no alpha channel
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -90,7 +90,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
 
 
 def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
-    """Draw filled steps. The limits of the axes must be set: computing them would be slow."""
+    """Draw filled steps. The caller sets the limits of the axes, because computing them is slow."""
     made = StepPatch(top, edges, fill=True, **looks)
     axis.add_artist(made)
     return made
@@ -139,7 +139,7 @@ def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int)
 
 
 def literal(text: str, width: int = 24) -> str:
-    """Return a user's text on one line. A long text loses its middle, and keeps more of its end."""
+    """Return a user's text on one line. Of a long text, the begin and a longer end are shown."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) <= width:
         return text
@@ -157,9 +157,9 @@ def power(unit: str, order: float) -> str:
 
 
 class ShownFigure(Figure):
-    """Figure that a notebook shows if it is the result of a cell, without %matplotlib and pyplot.
+    """Figure that a notebook shows as the result of a cell. %matplotlib and pyplot are not needed.
 
-    It is drawn with the settings of its style, not with those of the user.
+    The figure is drawn with the settings of its style, not with those of the user.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -183,7 +183,7 @@ class ShownFigure(Figure):
 
 
 class SpacedLocator(AutoLocator):
-    """Locator for a horizontal axis with so few ticks that their labels do not touch."""
+    """Locator for a horizontal axis. It makes so few ticks that their labels do not touch."""
 
     def __call__(self) -> list[float]:
         """Return the positions of the ticks."""
@@ -198,7 +198,7 @@ class SpacedLocator(AutoLocator):
 
 
 def _labels_fit(axis: Any, ticks: list[float], low: float, high: float) -> bool:
-    """Check that there are gaps between the labels, whose widths are estimated."""
+    """Check, with estimated widths of the labels, that there are gaps between them."""
     axes, size = axis.axes, axis.label.get_fontsize()
     room = axes.bbox.width / axes.get_figure().dpi * 72 / size
     texts = axis.get_major_formatter().format_ticks(ticks)

@@ -1,4 +1,4 @@
-"""A result as files: JSON, CSV tables and the report, written whole or not at all."""
+"""A result as files: JSON, CSV tables and the report. A new folder appears only when complete."""
 
 import hashlib
 import itertools
@@ -48,14 +48,14 @@ class Kind:
     name : str
         Name of the kind in manifests.
     document : str
-        File that is removed first and written last, so that a folder never has this file together
+        File that is removed first and written last. Therefore a folder never has this file together
         with files of another run.
     names : collection of str
-        Files of every folder of the kind. Before the work, they are checked: a file that no
-        earlier run has written must not be overwritten.
+        Files of every folder of the kind. Before the work begins, they are checked: if one of them
+        exists, it must be an unchanged file of an earlier run.
     log : str, optional
-        File of a longer work. It is never replaced here, and identifies the folder even without a
-        manifest.
+        Log file of long work, which is never replaced here. It identifies the kind of the folder
+        even if there is no manifest.
     opens : tuple of str
         Files that a user can open; the final message recommends the first one that is there.
     """
@@ -67,7 +67,7 @@ class Kind:
     opens: tuple[str, ...] = ("report.html",)
 
     def owns(self, folder: Path) -> bool:
-        """Check whether a folder is of this kind. Its log is not read."""
+        """Check whether a folder is of this kind, without reading its log."""
         if manifest.read_manifest(folder, self.name) is not None:
             return True
         if self.log is None or not (folder / self.log).is_file():
@@ -149,8 +149,8 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     Raises
     ------
     ConfigError
-        The path is a file or looks like the name of a file. Or `force` is false, and the folder
-        has content and is not of this kind.
+        The path is empty or a file, or the name of a new folder looks like that of a file. Or the
+        folder has content and is not of this kind, and `force` is false.
     """
     subject = subject or option("output")
     if not folder:
@@ -213,9 +213,9 @@ def write_texts(
 
     The result is a sentence about the written files. A new folder appears only when it is complete.
     In an existing folder the old document is removed first, and the new document is written last.
-    If two runs write into one folder at once, one waits for the other. With a `kind`, the folder
-    gets a manifest. Then files that differ from the manifest or are not in it are never removed,
-    and they are replaced only with `force`.
+    If two runs write into one folder at once, one waits for the other. If a `kind` is given, the
+    folder gets a manifest. Then files that differ from the manifest or are not in it are never
+    removed, and they are replaced only with `force`.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def write_texts(
 def _take(file: Path, place: Path, work: Path) -> None:
     """Put a file at `place`: as a hard link if it is in the folder `work`, else as a copy."""
     if work in file.resolve().parents:
-        with suppress(OSError):  # some file systems have no links
+        with suppress(OSError):  # some file systems do not support hard links
             os.link(file, place)
             return
     import shutil  # lazy: it imports compression
@@ -254,12 +254,12 @@ def _take(file: Path, place: Path, work: Path) -> None:
 
 
 def _check_name(folder: str, subject: str) -> None:
-    """Check that the name of a new folder does not look like that of a file.
+    """Check that the name of a new folder does not look like the name of a file.
 
     Raises
     ------
     ConfigError
-        The name ends like that of a picture, a page or a text.
+        The name has a suffix of pictures, pages, tables or texts.
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
@@ -272,12 +272,12 @@ def _check_name(folder: str, subject: str) -> None:
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
-    """Check that files with these names do not exist, or were written by a run and not changed.
+    """Check that each of these files is missing, or is unchanged since an earlier run wrote it.
 
     Raises
     ------
     ConfigError
-        A file was not written by a run of this kind, or it has changed since.
+        A file was not written by a run of this kind, or has changed after it was written.
     """
     own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
     for name in names:
@@ -324,8 +324,8 @@ def _write_over(
 ) -> tuple[int, Collection[manifest.FileEntry]]:
     """Write into an existing folder; return the number of removed old files, and the new entries.
 
-    `where` begins the message if a file of other origin would be overwritten. If it is None, such
-    files are overwritten.
+    Files that no earlier run has written are overwritten if `where` is None. Otherwise they cause
+    an error, and `where` begins its message.
     """
     import shutil
 
@@ -414,13 +414,13 @@ def check_file(
     inputs : iterable of str
         Other files that the command reads or writes.
     suffixes : collection of str
-        Suffixes of which the file must have one; by default it can have any.
+        Allowed suffixes of the file; by default all are allowed.
 
     Raises
     ------
     ConfigError
-        The path is a folder, or an existing file while `force` is false. Or its folder is missing,
-        it is among the `inputs`, or it has another suffix.
+        The path is a folder, its folder is missing, or the file exists and `force` is false. Or the
+        path is among the `inputs`, or has a suffix that is not allowed.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -477,15 +477,15 @@ def association_files(
 
 
 NO_NAME = "%20"
-"""Name of the folder of objects without a class. No named class gets it from `folder_name`."""
+"""Name of the folder of objects without a class. `folder_name` gives it to no named class."""
 
 LONGEST_NAME = 200
-"""Largest number of characters of the name of a folder before a digest is added. With the digest,
-the name is within the limit of 255 of file systems."""
+"""Largest number of characters of the name of a folder. A longer name is cut to this length, and a
+digest is added. Then the name is still within the limit of 255 of file systems."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
-    """Return the files of the proof folder by path; with several classes, of a folder for each.
+    """Return the files of the proof folder by path; if there are classes, each has its own folder.
 
     Parameters
     ----------
@@ -533,7 +533,7 @@ def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[st
 
 
 def folder_name(name: str) -> str:
-    """Return a name for a folder from a name of the user; different names stay different."""
+    """Convert a name of the user to a name for a folder; different names stay different."""
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
@@ -548,7 +548,7 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
     Raises
     ------
     ConfigError
-        The folder cannot be written, has other files, or there is no proof of this kind of result.
+        The folder cannot be written or has other files, or this kind of result has no proof.
     SolverError
         A checker finds that the folder does not prove its claim.
     """
@@ -560,7 +560,7 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
 
 
 # -------------------------------------------------------------------------------------------------
-# A result as GeoJSON (RFC 7946): tracks, missed and false targets, errors, switches on a map.
+# A result on a map as GeoJSON (RFC 7946): tracks, missed and false targets, errors, switches.
 
 ROLES = ("truth", "estimate")
 UNASSIGNED = ("missed", "false")
@@ -689,7 +689,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield a point for each switch: the place of its object, or the last place if it is absent."""
+    """Yield a point for each switch: the place of its object, or its last place if it is absent."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

@@ -1,8 +1,8 @@
 """HTML pages: report of a result, association, batch, and other reports.
 
 Text and tables come from templates. On the pages of a result and of an association, a script draws
-pictures from encoded data. A page loads nothing: style, script and data are inside. Texts of the
-user are escaped by the template. Or they are data by `tojson`, which the script shows as text.
+pictures from encoded data. A page loads nothing: it contains its style, script and data. Texts of
+the user are either escaped by the template, or encoded by `tojson` and shown by the script as text.
 """
 
 import base64
@@ -60,10 +60,10 @@ SCRIPTS = (
 """Files that are joined to the script, in this order. Each can use the names of all others."""
 
 PLAIN = 300_000
-"""Largest size in bytes of arrays that are not compressed."""
+"""Largest number of bytes of all arrays that are left uncompressed."""
 
 DISTANCE = "distance of assigned pairs"
-"""Explanation of the part localisation, shown where other parts have the unit of their count."""
+"""Explanation of the part localisation. Other parts show the unit of their count at this place."""
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
@@ -110,7 +110,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Return the values for a template that every page with a script needs."""
+    """Return the values that the template of every page with a script needs."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -184,7 +184,7 @@ def still_page(name: str, more_style: str = "", **values: object) -> str:
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Return the pictures of a subject by name, as SVG in base64; without `draws`, return none.
+    """Return the pictures of a subject by name, as SVG in base64. If `draws` is false, return none.
 
     `kind` is the kind of the subject, a key of `CHARTS`.
     """
@@ -202,9 +202,9 @@ def packed(arrays: dict[str, Ints]) -> str:
 
     Each number is stored as the 32-bit difference to the number before it, with the sign in the
     lowest bit. For each array, the lowest bytes of all its numbers come first, then the next bytes.
-    So regular data become zeros, which compress well. Small data are not compressed: browsers
-    decompress only after loading, and a page can draw other data before. A compressed text is
-    recognised by its length: it is shorter than the arrays.
+    In this way, regular data become zeros, which compress well. Small data are not compressed:
+    browsers decompress only after loading, but a page can draw uncompressed data earlier. The page
+    recognises compressed data by their length: they are shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -289,14 +289,15 @@ MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Largest number of ranked entries of which the page lists all pairs. Of more entries, it lists the
-pairs of neighbours in the ranking."""
+"""Largest number of ranked entries of which the page lists all pairs. If there are more, it lists
+only the pairs of neighbours in the ranking."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """Return the page of a batch, with pictures if `draws`."""
     rows, ranked = tables.rows, tables.rankings
-    # With several sets of parameters, there are several rankings, and no best entry of all.
+    # If there are several sets of parameters, there are several rankings, and no entry is the best
+    # of all.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]

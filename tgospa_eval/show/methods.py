@@ -17,7 +17,7 @@ MEMBERS = {
     "step_weights": ("weights of the steps", "garciafernandez2021timeweighted"),
     "existence": ("probabilities of existence", "xia2025probabilistic"),
 }
-"""Variants of the metric by the parameter that selects them: description, and key of the paper."""
+"""Variants of the metric, by the parameter that selects a variant: its name, and key of a paper."""
 
 GRIDS = {
     "union": "at which either side has a state",
@@ -41,10 +41,10 @@ CLAUSES = {
     "region": "only states in {} were read",
     "where": "only rows with {} were read",
 }
-"""Sentences about options that change the number; other options are named with their value."""
+"""Clauses about options that change TGOSPA. Other such options are listed with their values."""
 
 SAID = ("cutoff", "order", "switch_penalty", "distance", "columns", "grid", "steps", "by", *MEMBERS)
-"""Options in other parts of the paragraph."""
+"""Options that other parts of the paragraph describe."""
 
 ROLES = {"truth": "ground truth", "estimate": "estimate"}
 
@@ -78,7 +78,7 @@ def _data(result: Evaluation) -> str:
     evaluated_on, sizes, settings = result.judged, result.sizes, result.parameters
     chosen = "steps" in settings or "resample" in settings
     grid, moved = str(settings.get("grid", "union")), settings.get("interpolate")
-    if moved and grid == "union":  # the other side has the steps
+    if moved and grid == "union":  # the steps are the times of the other side
         grid = "truth" if moved == "estimate" else "estimate"
     at = "of a chosen clock" if chosen else GRIDS[grid]
     if (moved == "truth" or grid in ("estimate", "common")) and settings.get("outage") != "none":
@@ -93,8 +93,8 @@ def _data(result: Evaluation) -> str:
 
 
 def _options(result: Evaluation) -> Iterator[str]:
-    """Yield sentences on further options that change the number, and on rows left out."""
-    from tgospa_eval.results.saved import of_metric  # lazy: imports json, few need it
+    """Yield clauses on further options that change TGOSPA, and on rows that are left out."""
+    from tgospa_eval.results.saved import of_metric  # lazy: it imports json
 
     clauses = []
     for name, value in of_metric(result.parameters).items():

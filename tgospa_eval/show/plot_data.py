@@ -1,9 +1,9 @@
 """Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
 Truth and estimate are the two sides. A lane is a trajectory. Its rows are its states. If there are
-very many, some are left out, but never missed states, false states and switches (the events). A run
-is a sequence of states of a lane at consecutive steps that all have the same partner, or all have
-none.
+very many states, some are left out, but never missed states, false states and switches (the
+events). A run is a sequence of states of a lane at consecutive steps. All states of a run have the
+same partner, or all have none.
 """
 
 import math
@@ -47,11 +47,12 @@ unknown. ``spread`` (R, d (d + 1) / 2) has lower triangles of covariances, or (R
 """
 
 VALUES = 800_000
-"""Largest number of coordinates of both sides; above it, states without events are left out."""
+"""Largest number of coordinates of both sides. If there are more, states without events are left
+out."""
 
 COARSEST = 50
-"""Largest number of steps between drawn states. With more, a picture would show little but events.
-"""
+"""Number of steps between drawn states from which on it is not increased further. If more states
+were left out, a picture would show little but events."""
 
 LEVELS = 1 << 16
 """Number of integers with which the page encodes the range of a coordinate."""
@@ -76,8 +77,8 @@ PARTICLES = 100_000
 If that is not enough, clouds are drawn at fewer steps."""
 
 MIN_PARTICLES, MAX_PARTICLES = 10, 200
-"""Smallest and largest number of particles with which a cloud is drawn. A cloud that has fewer is
-drawn with all."""
+"""Smallest and largest number of particles with which a cloud is drawn. If a cloud has fewer
+particles, all of them are drawn."""
 
 SHARES = 10_000
 """Integer with which the page encodes a weight of 1 of a particle."""
@@ -127,8 +128,8 @@ class SideData:
     table : dict
         Columns with the id, costs, counts and number of steps of each track.
     run : dict
-        Columns with an entry for each run, sorted by track and step: those of `RUN`, and possibly
-        ``unjudged``.
+        Columns with an entry for each run, sorted by track and step. The columns are those of
+        `RUN`, and possibly ``unjudged``.
     row : dict
         Drawn states, with the columns of `Rows`.
     particles : dict
@@ -162,10 +163,10 @@ class PlotData:
     Parameters
     ----------
     document : Json
-        Data over time, and what is needed to decode the arrays. Some of its fields: data over time
-        are in groups of ``together`` consecutive steps, which begin at ``times``. ``costs`` and
-        ``counts`` are means over each group, ``curve`` has the value at its last step. If groups
-        have several steps, ``worst`` lists the single steps with the highest costs.
+        Data over time, and what is needed to decode the arrays. Data over time are in groups of
+        ``together`` consecutive steps. ``times`` has the time of the first step of each group.
+        ``costs`` and ``counts`` are means over each group, ``curve`` has the value at its last
+        step. If groups have several steps, ``worst`` lists the single steps with the highest costs.
         ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of encoded
         ellipses; it is empty without ellipses. For each side, ``particles`` has the number of drawn
         particles and the number of all particles. ``words`` has other names of sides and parts.
@@ -226,7 +227,7 @@ _MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
 
 
 def plot_data(result: Evaluation | Pairing) -> PlotData:
-    """Return the data for the page and pictures of a result; they are computed only once."""
+    """Return the data for the page and pictures of a result; the first call computes them."""
     if result not in _MADE:
         if isinstance(result, Pairing):
             _MADE[result] = _association_data(result)
@@ -435,7 +436,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """Add the coordinates of the centres to these columns, if they are those of boxes."""
+    """Return these columns; if they are those of boxes, add the coordinates of the centres."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -445,7 +446,7 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 def map_stretch(latitudes: Floats) -> float:
     """Return the length of a degree of latitude over that of a degree of longitude.
 
-    It is that at the mean of the latitudes, and 1 near the poles.
+    The ratio is that at the mean of the latitudes. If this mean is near a pole, the result is 1.
     """
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
@@ -454,7 +455,8 @@ def map_stretch(latitudes: Floats) -> float:
 def _windows(result: Evaluation, windows: Windows) -> Json:
     """Return the data about windows: size, first and last steps, TGOSPA, and a line for each part.
 
-    A line has (cost / n)^(1/p) for each window, where n is its number of steps of the horizon.
+    A line has (cost / n)^(1/p) for each window, where n is the number of steps of the horizon in
+    the window.
     """
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
@@ -492,7 +494,7 @@ def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, li
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
     wide = max(rows["spread"].shape[1] for rows in tables)
-    for rows in tables:  # parts without covariances get zeros
+    for rows in tables:  # rows of parts without covariances get zeros
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
     return {name: np.concatenate([rows[name] for rows in tables]) for name in tables[0]}, clouds
@@ -513,7 +515,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # of the weights of a row, the largest is set last
+    order = np.argsort(weight, kind="stable")  # the largest weight of a row comes last and stays
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -562,12 +564,14 @@ def _thinned(
 ) -> tuple[int, dict[str, Ints]]:
     """Return the number of steps between drawn states, and the drawn rows of each side.
 
-    The number is the smallest with at most `VALUES` coordinates, but not above `COARSEST` or so.
+    The number is increased until at most `VALUES` coordinates are left, or until it reaches
+    `COARSEST`.
     """
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
-        # If rows are left out, their steps are irregular, and take the room of one more coordinate.
+        # If rows are left out, the steps of the other rows are irregular. They are stored, which
+        # takes the room of one more coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
@@ -590,7 +594,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    # By column: on an array with few columns, `min(axis=0)` takes ten times as long.
+    # Each column is reduced separately. If columns are few, `min(axis=0)` takes ten times as long.
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
@@ -660,20 +664,20 @@ NUMBERS = 150_000
 """Largest number of encoded entries of covariances; if there are more, steps are left out."""
 
 FINE = 50
-"""Number of levels between standard deviations with the ratio e. So a level is a step of 2 %."""
+"""Number of levels between two standard deviations with the ratio e. From one level to the next,
+the standard deviation changes by 2 %."""
 
 INSIDE = 0.95
 """Share of a normal distribution that is inside the drawn ellipse or interval around a state."""
 
 RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - INSIDE)))
-"""Size of this interval, and of this ellipse, in standard deviations."""
+"""Half the length of the interval, and the radius of the ellipse, in standard deviations."""
 
 FAINT = 1000
-"""Largest level. It encodes standard deviations that are invisible next to the largest, such as 0.
-"""
+"""Largest level. It encodes standard deviations that are 0, or invisible next to the largest."""
 
 ANGLE = 64
-"""Number of levels in a radian. A correlation is encoded as the angle with this sine."""
+"""Number of levels in a radian. A correlation is encoded as the angle that has it as its sine."""
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
@@ -706,9 +710,9 @@ def described(spreads: list[Floats], stride: int) -> Json:
 def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
     """Encode covariances of rows that are sorted by track; `how` is the result of `described`.
 
-    Only some rows are encoded: at every ``stride``-th step, and at both ends of each track. The
-    result has their indices as ``row``, and the levels of each entry of the lower triangle under
-    the index of the entry.
+    Only some rows are encoded: at every ``stride``-th step, and at both ends of each track. In the
+    result, ``row`` has the indices of these rows. For each entry of the lower triangle, the levels
+    have the index of the entry as their name.
     """
     if not spread.size:
         return {}
@@ -740,7 +744,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
 
 
 def deviations(variances: Floats) -> Floats:
-    """Return square roots of variances, 0 for variances that overflowed."""
+    """Return square roots of variances, 0 for negative variances and for those that overflowed."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
@@ -756,8 +760,9 @@ def curves(result: Evaluation) -> dict[str, list[float]]:
 
     The value at step k is (C / n)^(1/p), where C is the cost of the steps up to k, and n is the
     number of steps of the horizon up to k. The last value of ``total`` is `normalised`. If the
-    curve was requested, C is from an evaluation of the steps 1..k. Otherwise C is from the
-    assignment of the whole recording. Then the value is an upper bound of that of the steps 1..k.
+    curve was requested, C is from an evaluation of the steps 1..k. If it was not, C is from the
+    assignment of the whole recording, and the value at k is an upper bound of the value that an
+    evaluation of the steps 1..k would give.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.curve_bounds is not None:
@@ -776,7 +781,7 @@ def rounded(values: list[float]) -> list[float]:
     """Round to seven digits, more than any page shows."""
     exact = np.array(values, float)
     size = np.where(exact == 0, 1.0, np.abs(exact))
-    with np.errstate(over="ignore", invalid="ignore"):  # where the factor overflows
+    with np.errstate(over="ignore", invalid="ignore"):  # the factor overflows for tiny values
         factor = 10.0 ** (6 - np.floor(np.log10(size)))
         rounded = np.rint(exact * factor) / factor
     shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
@@ -798,7 +803,7 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
     """Return the NEES and its band at the first step of each group, and ranks of the truth.
 
-    A rank is the weight of the particles of a cloud that are below the truth.
+    A rank is the sum of the weights of those particles of a cloud that are below the truth.
     """
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")

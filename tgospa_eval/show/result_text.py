@@ -85,7 +85,7 @@ def other_table(other: OtherMetrics) -> Table:
 
 
 def similarity(other: OtherMetrics) -> Iterator[str]:
-    """Yield a sentence on the similarity that HOTA, MOTA and IDF1 use, if there is any of them."""
+    """Yield a sentence on the similarity that HOTA, MOTA and IDF1 use; none without these."""
     if "similarity" not in other:
         return
     zero, threshold = other["similarity"]["zero"], other["similarity"]["threshold"]
@@ -103,14 +103,14 @@ def grouped_table(
     records: Sequence[OtherMetrics],
     rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """Yield a table of the other metrics of several groups, if these were requested.
+    """Yield a table of the other metrics of several groups; none if no other metric was requested.
 
     Parameters
     ----------
     head : tuple of str
         Heads of the columns with names.
     names : sequence of tuple of str
-        Names at the begin of each row.
+        Names of each row, which are in its first cells.
     records : sequence of mappings
         Other metrics of each row.
     rivals : sequence of sequences of int
@@ -139,10 +139,11 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Yield a table of the NEES, and of the costs of means and of spreads, if all rows have a NEES.
+    """Yield a table of the NEES, possibly with costs; none unless all rows have a NEES.
 
-    `head` and `names` are as in `grouped_table`. Each item has the values of a row: the record of
-    the NEES, and perhaps both costs.
+    If all rows have them, there are columns for the costs of means and of spreads. `head` and
+    `names` are as in `grouped_table`. Each item has the values of a row: the record of the NEES,
+    and perhaps these costs.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
     if not records or any(record["mean"] is None for record in records):
@@ -160,9 +161,10 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """Return a number for each value, as an interval of width 0; the smallest is the best.
+    """Return a number for each value, as an interval of width 0; the smallest number is the best.
 
-    They are the values, or their differences to the largest value if this is the best.
+    If small values are better, the numbers are the values. Otherwise they are the distances of the
+    values below the largest value.
     """
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
@@ -180,7 +182,7 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 
 
 def direction(other: OtherMetrics) -> Iterator[str]:
-    """Yield notes on `grouped_table`: which columns are better if high or low, and similarity."""
+    """Yield notes on `grouped_table`: columns in which high or low is best, and similarity."""
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
@@ -251,7 +253,7 @@ def _cells(one: Slice, total: float) -> list[str]:
 def group_tables(
     heads: Sequence[str], groups: Sequence[tuple[tuple[str, ...], Sequence[Slicing]]]
 ) -> Iterator[Table]:
-    """Yield a table for each attribute. For each slice, it has a row for each group.
+    """Yield a table for each attribute. The table has a row for each pair of a slice and a group.
 
     Parameters
     ----------
@@ -287,9 +289,9 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Yield notes on slices: whose attribute decides the slice of a cost, and uniqueness.
+    """Yield notes on slices: the attribute that decides the slice of a cost, and uniqueness.
 
-    A split is not unique if another assignment with the same total would give a different one.
+    A split is not unique if another assignment has the same total but gives other costs of slices.
     """
     if not slicings:
         return
@@ -525,7 +527,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Yield values "per step" and "per object and step": name, value, and divisor of the total."""
+    """Yield name, value and divisor of the total for TGOSPA per step, and per object and step."""
     evaluated_on = result.evaluated_on
     if evaluated_on.steps:
         steps = counted(evaluated_on.steps, "step") + _of_truth(result)
@@ -540,7 +542,7 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_truth(result: Evaluation) -> str:
-    """Return " of the truth" if values are divided by other steps than the evaluated ones."""
+    """Return " of the truth" if the number of steps in a divisor is not that of evaluated steps."""
     chosen = {"steps", "resample"} & result.parameters.keys()
     differ = result.evaluated_on.steps != result.sizes["steps"]
     return " of the truth" if differ and not chosen else ""
@@ -624,7 +626,7 @@ def _windows(result: Evaluation) -> Iterator[str]:
 
 
 def _known(met: Mask) -> str:
-    """Return "all proven exact", or how many values are only upper bounds."""
+    """Return "all proven exact", or a text with the number of values that are upper bounds."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
@@ -646,7 +648,7 @@ def _rooted(
 
 
 def _disjoint(spans: Windows, order: Ints) -> list[int]:
-    """Return indices of windows that share no step: always the next one possible in this order."""
+    """Return indices of windows that share no step: in this order, each that does not overlap."""
     kept: list[int] = []
     for k in order.tolist():
         if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
@@ -673,7 +675,7 @@ def _slices(result: Evaluation) -> Iterator[str]:
 
 
 def _repairs(result: Evaluation) -> Iterator[str]:
-    """Yield a table of the repairs with the largest savings, and notes, if requested."""
+    """Yield a table of the repairs with the largest savings, and notes; none if not requested."""
     explanation = explanation_of(result)
     if explanation is None:
         return
@@ -853,16 +855,16 @@ ROWS = 40
 """Default of the largest number of printed rows of a table."""
 
 ROUNDING = 1e-9
-"""A mean counts as not shifted by a reduction if its shift is at most this fraction of the distance
-between the clouds."""
+"""Largest shift of a mean that counts as no shift, as a fraction of the distance between the cloud
+and its reduction."""
 
 
 def association_text(
     pairing: "Pairing", *, rows: bool = True, limit: int = ROWS, rest: str | None = None
 ) -> str:
-    """Return the text of an association: counts and sum, and with `rows` a table of the pairs.
+    """Return the text of an association: counts and sum. If `rows`, a table of the pairs follows.
 
-    The table has at most `limit` rows. `rest` tells where all rows are.
+    The table has at most `limit` rows. If there are more, `rest` tells the user where all rows are.
     """
     count, (rest_a, rest_b) = int(pairing.chosen.sum()), pairing.unassigned
     lines = [
@@ -880,8 +882,8 @@ def association_text(
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
     """Return the text about a reduction of clouds.
 
-    `counts` and `change` are fields of the JSON document: counts of clouds and particles, and a
-    summary of each change of all clouds.
+    `counts` and `change` are fields of the JSON document. `counts` has the numbers of clouds and
+    particles. `change` has a summary over all clouds for each kind of change.
     """
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
@@ -912,9 +914,9 @@ def _aligned(
     limit: int = ROWS,
     rest: str | None = None,
 ) -> list[str]:
-    """Return the lines of a table with the first `limit` rows, and a line on the rest.
+    """Return the lines of a table with the first `limit` rows, and a line on further rows.
 
-    `rest` tells where all rows are.
+    This line names `rest` as the place of all rows.
     """
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []

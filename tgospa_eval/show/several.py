@@ -1,4 +1,8 @@
-"""Pictures of several evaluations: documents of `compare`, sweeps and batches."""
+"""Pictures of several evaluations: documents of `compare`, sweeps, batches and gates.
+
+There are two kinds of sweeps. A sweep of a parameter evaluates at several of its values. A sweep of
+the solver `sinkhorn` is one of its iterations.
+"""
 
 import itertools
 import math
@@ -56,8 +60,9 @@ def _has_errors(*errors: Iterable[float | None]) -> bool:
 
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
-    """Draw the errors of `sinkhorn` over its temperature, a line for each bound and value.
+    """Draw the errors of `sinkhorn` over its temperature.
 
+    There are lines for both bounds, for the entropic value, and for its cost without entropy.
     Errors are measured from the narrowest bounds that all runs together prove.
     """
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
@@ -94,7 +99,10 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """Draw a mark for each run: its time over its error. Without errors, draw bars of the times."""
+    """Draw a mark for each run: its time over its error.
+
+    If all errors are below `FLOOR`, bars of the times are drawn instead.
+    """
     if document["referee"] is None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
@@ -128,7 +136,7 @@ def _epsilon(run: Json) -> float:
 
 
 def draw_convergence(document: Json, style: Style) -> Figure | None:
-    """Draw how the errors of both bounds become smaller with the sweeps, for each run.
+    """Draw the errors of both bounds over the number of sweeps of the solver, for each run.
 
     Errors are measured from the narrowest bounds that all runs together prove.
     """
@@ -154,7 +162,7 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
 
 
 def _legend(made: Figure, axis: Axes, columns: int) -> None:
-    """Draw a legend with all labels of these axes above them."""
+    """Draw a legend above the axes, with all labels of these axes."""
     handles, names = axis.get_legend_handles_labels()
     legend(made, handles, names, columns)
 
@@ -168,7 +176,7 @@ def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
-    # The limits are powers of ten. Otherwise there may be no power of ten between them.
+    # The limits are powers of ten. With other limits, there may be no power of ten between them.
     low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
@@ -206,15 +214,15 @@ def _relative(difference: float, referee: Json) -> float:
 
 
 def _solved(document: Json) -> bool:
-    """Check whether a run of a scaling study succeeded, so that it has a time."""
+    """Check whether at least one run of a scaling study succeeded and has a time."""
     runs = (run for size in document["sizes"] for run in size["solvers"])
     return any(run["seconds"]["mean"] is not None for run in runs)
 
 
 def draw_study_errors(document: Json, style: Style) -> Figure | None:
-    """Draw errors over temperature, lines for each number of targets.
+    """Draw errors over temperature, with lines for each number of targets.
 
-    The scenes are those with the largest number of steps.
+    Only scenes (simulated recordings) with the largest number of steps are drawn.
     """
     runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
     errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
@@ -234,7 +242,8 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
 def draw_scaling(document: Json, style: Style) -> Figure | None:
     """Draw time and error over the number of targets, and over the number of steps.
 
-    The first are for the scenes with the most steps, the second for those with the most targets.
+    Panels over the number of targets show the scenes (simulated recordings) with the most steps.
+    Panels over the number of steps show the scenes with the most targets.
     """
     sizes = document["sizes"]
     if len(sizes) < 2 or not _solved(document):
@@ -279,9 +288,9 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Draw the errors of each solver over the field `varied`; return solvers without errors.
+    """Draw the errors of each solver over the field `varied`; return solvers with no error to draw.
 
-    `chosen` are the sizes of the study that are drawn.
+    `chosen` has the sizes of the study that are drawn.
     """
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -313,9 +322,9 @@ def _line(
     floor: float,
     style: Style,
 ) -> None:
-    """Draw the k-th line, of means, with a band of one standard deviation above and below.
+    """Draw the k-th line, through means, with a band of one standard deviation above and below.
 
-    Neither is drawn below `floor`. Runs without a mean have failed, and are left out.
+    Line and band do not go below `floor`. Values without a mean are left out: their runs failed.
     """
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
@@ -341,13 +350,14 @@ def draw_cumulative(
 ) -> Figure | None:
     """Draw the sum of the costs up to each step, a line for each estimate.
 
-    `costs_of_steps` has the times of the steps, and the cost of each step by name of the estimate.
+    `costs_of_steps` has the times of the steps and, for each estimate by its name, the cost of each
+    step.
     """
     times, series = costs_of_steps
     if not any(series.values()):
         return None
     made, ((axis,),) = figure(style.width, TALL * style.low + 0.04 * style.mark * len(series))
-    lines, names = [], []  # names are no labels, because a legend hides labels that begin with _
+    lines, names = [], []  # names are not set as labels: a legend hides labels that begin with _
     time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
@@ -372,12 +382,12 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""Share of the range of an axis, from its low end. If half of the values are within it, the axis is
-logarithmic."""
+"""Share of the range of an axis, from its low end. If half of the values are in this part, the axis
+is logarithmic."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
-    """Draw a panel for each of these values over the parameter: four parts, TGOSPA, three counts.
+    """Draw eight panels over the parameter: four parts of the cost, TGOSPA, and three counts.
 
     A grey band marks the range of the parameter over which the counts of missed and false targets
     are constant.
@@ -423,7 +433,7 @@ def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
 
 
 # -------------------------------------------------------------------------------------------------
-# Pictures of a batch: table of jobs, parts of the costs, curves over time; and of a gate.
+# Pictures of a batch (table of jobs, parts of the costs, curves over time), and of a gate.
 
 MAX_BARS = 40
 
@@ -440,15 +450,16 @@ ROW = 0.21
 def draw_runs(
     scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
 ) -> Figure:
-    """Draw the totals of the runs of a gate, and those of its baseline.
+    """Draw the totals of the runs of a gate, and the totals of the runs of its baseline.
 
-    All are shown relative to the mean of the baseline.
+    The totals of a scene are shown relative to the mean of its baseline.
 
     Parameters
     ----------
     scenes : mapping of str to pair of sequences of float
-        For each scene, the totals of the baseline's runs and of the current runs. If there are many
-        scenes, those whose mean changed most are drawn.
+        For each scene (runs that differ only in their seed): the totals of the baseline's runs, and
+        of the current runs. If there are many scenes, only those with the largest changes of the
+        mean are drawn.
     style : Style
         Sizes.
     """
@@ -485,7 +496,7 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     style : Style
         Sizes.
     parts : bool
-        Whether to draw the parts of the cost instead of the total. Then each part has a row of
+        Whether to draw the parts of the cost instead of the total. If true, each part has a row of
         panels, and each kind of curve has a column.
     """
     unit = tables.unit
@@ -528,9 +539,9 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw all lines of the curves of kind ``step``, a panel for each line.
+    """Draw all lines of the curves of kind ``step``, with a panel for each name of a line.
 
-    These are costs per step, number of states, detection rate and NEES.
+    The lines are costs per step, number of states, detection rate and NEES.
     """
     curves = [(track, curve) for track, curve in tables.plotted_curves if curve.kind == "step"]
     lines = [
@@ -583,7 +594,7 @@ def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
-    """Draw a line of a curve with its band, and return the line; `track` is its colour's index."""
+    """Draw a line of a curve and its band; return the line. `track` is the index of its colour."""
     looks = line_looks(track, marked=len(at) == 1)
     looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
@@ -612,7 +623,7 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
 def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
     """Draw the table of jobs as coloured cells, with the value per step in each cell.
 
-    If it has many rows, these become columns of the picture, and cells have no numbers.
+    If the table has many rows, each row becomes a column of the picture, and no numbers are shown.
     """
     heat, unit = tables.heat, tables.unit
     if heat is None or heat["ends"] is None:

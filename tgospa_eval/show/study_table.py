@@ -16,7 +16,7 @@ from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
 from tgospa_eval.show.table_text import PART_HEADS, Table, best_cells, between, parameters_of
 
 PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
-"""Part of the cost of each column of a part. The names of columns are those of the option."""
+"""Part of the cost that a column shows, by the name of the column in the option."""
 
 OF_METRICS = {
     parts[0].lower() if metric != "gospa" else metric: (metric, parts[0])
@@ -28,10 +28,10 @@ ALIASES = {"detection": "detection_rate", "error": "mean_error"}
 """Short names that can be used for numbers of the summary."""
 
 COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_roots")
-"""Columns that need no other metric. They are the default, except those that would tell nothing."""
+"""Columns that need no other metric. By default, those of them that tell something are shown."""
 
 INTERVAL = "95 % interval"
-"""Head of a column with confidence intervals. They are about the values of the column before it."""
+"""Head of the column with confidence intervals for the values in the column before it."""
 
 MIN_P = 1e-4
 """Smallest p value that is shown as a number. Smaller ones are shown as "<0.0001"."""
@@ -40,7 +40,7 @@ NARROW = 1e-9
 """Largest relative distance of two bounds at which they are shown as one number."""
 
 DISTINCT = 1e-10
-"""Relative difference of two numbers that can be an effect of rounding."""
+"""Largest relative difference of two numbers that can come from rounding errors alone."""
 
 DIGITS, MAX_DECIMALS = 4, 6
 """Number of significant digits of the largest value of a column, and the largest number of decimals
@@ -74,7 +74,7 @@ class StudyRow:
         P value of the difference to the best row, adjusted by Holm's method. NaN for the best row
         itself, None if there was no test.
     mean_of_roots : float, optional
-        Mean over the runs of their own values per step.
+        Mean of the values per step of the single runs.
     numbers : mapping of str to float
         Numbers of the summary and of other metrics by name, such as ``summary.rmse`` and
         ``hota.HOTA``.
@@ -199,21 +199,22 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Check whether a column tells nothing: equal counts of jobs, or the places 1, 2, 3, ..."""
+    """Check whether a column tells nothing: equal counts of jobs, or places 1, 2, 3 and so on."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
 
 
 Column = tuple[str, Sequence[str], list[Interval]]
-"""Head, cells, and values by which the best cell is marked: the smallest value is the best. If no
-cell shall be marked, there are no values."""
+"""Head, cells and a list of values. The cell with the smallest value is marked as the best; if the
+list is empty, no cell is marked."""
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
-    """Yield the column with this name, if it exists.
+    """Yield the column with this name.
 
-    If ``mean_of_roots`` does not exist although it is `wanted`, an error is raised.
+    Only ``mean_of_roots`` may be unknown for all rows. Then nothing is yielded, or an error is
+    raised if the column is `wanted`.
     """
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
@@ -256,8 +257,8 @@ def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -
 def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
     """Return a column with a number of the summary, or of another metric.
 
-    Numbers of the summary depend on the assignment. So the best of them is marked only if TGOSPA of
-    all rows is exact.
+    Numbers of the summary depend on the assignment. Therefore, the best number is marked only if
+    TGOSPA of all rows is exact.
 
     Raises
     ------
@@ -289,7 +290,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Return how far each value is above the smallest one, rounded so that equal values give 0."""
+    """Return how far each value is above the smallest one. Rounding errors count as 0."""
     smallest, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
     return [_exact(round((value.upper - smallest) / width)) for value in values]
@@ -310,7 +311,7 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Format values with the same number of decimals; the largest has `digits` digits."""
+    """Format values with equally many decimals. The largest value has `digits` digits."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
@@ -318,7 +319,7 @@ def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
     """Format the bounds of a value: one number, or both if they look different.
 
-    They have as many decimals as `largest` needs for this number of significant digits.
+    The number of decimals is the one by which `largest` has `digits` significant digits.
     """
     if not math.isfinite(value.upper):
         return "-"
@@ -339,8 +340,8 @@ def costs_table(
 ) -> Table:
     """Return the table of costs: means over runs of the total and its parts, in state units^p.
 
-    A column before them has TGOSPA, the p-th root of the mean total. The parameters are those of
-    `study_table`.
+    The column before these costs has TGOSPA, the p-th root of the mean total. The parameters are
+    those of `study_table`.
     """
     roots, totals = [row.rooted() for row in rows], [row.total for row in rows]
     cells = [

@@ -67,8 +67,8 @@ TRACK_COLOURS = (
     "#00766d",
     "#975c9f",
 )
-"""Colours of estimates, in turn, on white. Neighbours differ in hue, and white letters are legible
-on each."""
+"""Colours on white for tracks of the estimate, in turn. Neighbouring colours differ in hue, and
+white letters are legible on each colour."""
 
 DARK_TRACK_COLOURS = (
     "#79b6f4",
@@ -84,7 +84,7 @@ DARK_TRACK_COLOURS = (
     "#4dc8ba",
     "#e5abec",
 )
-"""Colours of estimates on a dark screen, on which dark letters are legible."""
+"""Colours on a dark screen for tracks of the estimate. Dark letters are legible on each colour."""
 
 
 def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
@@ -97,8 +97,8 @@ HEAT_LEVELS = 9
 """Number of shades of the cells of a table. The first is the colour of the paper."""
 
 _DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
-"""Share of the full colour in the last shade, so that letters on it are legible. It depends on the
-colour of the paper."""
+"""Share of the full colour in the last shade, by the colour of the paper. With this share, letters
+on the shade are legible."""
 
 
 def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
@@ -138,8 +138,8 @@ FILES: Mapping[str, dict[str, Any]] = {
     "svg": {"metadata": {"Creator": None, "Date": None}},
     "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
 }
-"""Formats of pictures, each with arguments for saving. These leave out metadata, so that files do
-not depend on the time and on versions."""
+"""Formats of pictures, each with arguments for saving. The arguments leave out metadata, because
+files must not depend on the time and on versions."""
 
 
 def available() -> bool:
@@ -158,17 +158,18 @@ class Style:
     low : float
         Height of a picture over time, in inches.
     dots : int
-        Dots per inch of a PNG. Vector files have them for shapes that are too many and become
-        pixels.
+        Dots per inch of a PNG, and of shapes in vector files that are drawn as pixels because they
+        are too many.
     titles : bool
         Whether a picture has a title; papers have captions instead.
     bars : int
         Largest number of bars over time. If there are more steps, a bar is the costliest of several
         steps.
     lanes : int
-        Largest number of true objects with a lane of their own. For estimates, it is half of that.
+        Largest number of true objects with a lane of their own. For estimates, half of this number
+        is the limit.
     worst : int
-        Number of listed bars of the costliest steps, of true objects, and of estimates.
+        Largest number of bars for each kind: costliest steps, true objects and estimates.
     settings : dict
         Settings of matplotlib (rcParams).
     """
@@ -257,7 +258,7 @@ LINES: Mapping[str, dict[str, Any]] = {
 
 @contextmanager
 def styled(name: str = "screen") -> Iterator[Style]:
-    """Set the settings of matplotlib to those of a style in the block, whatever the user has set.
+    """Apply the settings of a style to matplotlib in the block, and no settings of the user.
 
     Raises
     ------

@@ -45,7 +45,7 @@ _NOT_LATIN = "[^\\0-\u024f\u0391-\u03c9\u2010-\u2027]"
 _NUMBER = r"-?[\d,]+(\.\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
-"""Visible characters that are not allowed in XML 1.0, not even escaped."""
+"""Characters that are not allowed in XML 1.0, not even as character references."""
 
 _XML = '[&<>"]'
 
@@ -128,8 +128,9 @@ def workflow_property(text: str) -> str:
 def csv_cell(value: object) -> object:
     """Return a value for a CSV table, with an apostrophe before a text that looks like a formula.
 
-    A text that already has apostrophes before a formula gets one more. So different texts stay
-    different, and a reader can remove the first apostrophe before a formula. Numbers do not change.
+    A text that already has apostrophes before a formula gets one more. Therefore different texts
+    stay different, and a program that reads the table can remove the first apostrophe before each
+    formula. Numbers do not change.
     """
     if (
         isinstance(value, str)
@@ -145,8 +146,9 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""In a table that is too wide, the first column is shortened, at most to `MIN_NAME_WIDTH`. If texts
-that differ would become the same, it is wider, up to `MAX_NAME_WIDTH`."""
+"""Limits of the width of the first column in a table that is too wide. The column is shortened to
+`MIN_NAME_WIDTH` if necessary. It stays wider, up to `MAX_NAME_WIDTH`, if different texts would look
+the same otherwise."""
 
 MIN_WORDS = 20
 """Smallest width of a column whose texts are wrapped."""
@@ -176,18 +178,18 @@ class Table:
         A letter for each column: ``l`` (left) or ``r`` (right). By default, it is ``l`` for the
         columns of `labels`, and ``r`` for the others.
     labels : int
-        Number of columns, from the first, whose texts distinguish rows.
+        Number of columns with the names of the rows. These are the first columns.
     widths : sequence of int
         Widths of the columns in plain text, including the blanks between columns. By default,
         columns are as wide as their cells.
     bold, underlined : frozenset of (int, int)
-        Indices of row and column of cells. The best values are bold in Markdown, LaTeX and HTML,
-        the second best values are underlined in LaTeX.
+        Cells, given by the indices of row and column. Those with the best values are bold in
+        Markdown, LaTeX and HTML. Those with the second best values are underlined in LaTeX.
     ruled : tuple of int
         Indices of the rows that have a line above them in LaTeX.
     wrapped : collection of int
-        Indices of columns whose cells can continue on further lines in plain text. They do so if
-        the table would be too wide, or if a cell is wider than the given width minus two.
+        Indices of columns that can be wrapped in plain text. A cell continues on further lines if
+        the table would be too wide, or if the cell is wider than the given width minus two.
     caption : str
         Caption in LaTeX. A table with a caption is a float.
     is_wide : bool
@@ -236,7 +238,7 @@ class Document:
     notes : sequence of str
         Sentences below the tables.
     kind : str
-        What the report shows, and commands for other reports.
+        Sentence on the kind of the report, and commands for other reports.
     """
 
     title: str
@@ -335,7 +337,7 @@ def rendered(
     format : str
         Key of `WRITERS`, or ``"json"`` or ``"csv"``.
     subject : object
-        What to write, such as a batch.
+        Object to write, such as a batch.
     document, json, columns : callable
         Functions of the subject that return its `Document`, its JSON and its table for CSV.
     """
@@ -352,8 +354,8 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The line end of the writer is CR LF, so that it quotes fields with CR or LF. Each line is then
-    # ended by LF.
+    # The line end of the writer is CR LF, because it then quotes fields with CR or LF. Afterwards,
+    # CR LF at the end of each line is replaced by LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -362,7 +364,7 @@ def csv_text(table: Columns) -> str:
 
 
 def _csv_column(column: Sequence[object]) -> Sequence[object]:
-    """Return a column after `csv_cell`, which is called only once for each different text."""
+    """Return a column with `csv_cell` applied to its texts, only once to each different text."""
     if not any(issubclass(kind, str) for kind in set(map(type, column))):
         return column
     cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
@@ -373,7 +375,7 @@ def text_lines(table: Table, indent: str = INDENT) -> list[str]:
     """Return the lines of a table in plain text.
 
     Columns are as wide as `Table.widths` says, or as their widest cell. If the first cell of a row
-    is longer than its column, it has its own line.
+    is longer than its column, it is on a line by itself, above the other cells.
     """
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
     widths, between = table.widths, ""
@@ -498,9 +500,10 @@ def fitted(table: Table) -> list[str]:
     """Return the lines of a table in plain text that are not wider than a terminal.
 
     If the table is too wide, texts of the first column are shortened, but stay different. Columns
-    that still do not fit are in another table below, again after the first column. Other columns
-    that distinguish rows are repeated there, too, if at least half of the line is left for values.
-    A table with given widths or wrapped columns is written by `text_lines`.
+    that still do not fit are in another table below. The first column is repeated in each table.
+    Further columns with names of rows are repeated, too, if at least half of the line is left for
+    values. A table with given widths or wrapped columns is written by `text_lines`, which does not
+    limit its width.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -534,10 +537,10 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: the room that other columns leave, if it is enough.
+    """Return the width of the first column: the room that is left beside the other columns.
 
-    If not, it is the smallest width at which different texts stay different. It is at most
-    `MAX_NAME_WIDTH`.
+    If that is not enough, the width is the smallest one at which different texts stay different,
+    but at most `MAX_NAME_WIDTH`. The column is never wider than its longest text.
     """
     longest = max(map(len, texts))
     left = WIDTH - len(INDENT) - other_widths
@@ -565,7 +568,7 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """Return a name by `ending`; the begin of "vs NAME" is kept."""
+    """Return a text by `ending`. From "vs NAME", only the name is shortened."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
@@ -579,10 +582,10 @@ PART_HEADS = ("local.", "missed", "false", "switch")
 Rule = Literal["stone_soup", "mathworks"]
 
 RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
-"""Names of other programs by the rule with which they count switches after per-step GOSPA."""
+"""For each rule of counting switches after per-step GOSPA: the name of the program that uses it."""
 
 EXACT = 1e-9
-"""Errors below this fraction are not shown as numbers, because they depend on the machine."""
+"""Relative errors below this are not shown as numbers, because they depend on the machine."""
 
 TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
 TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
@@ -638,7 +641,7 @@ LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
-    """Format the parameters of the metric that are there, then `end`, then the distance."""
+    """Format the given parameters of the metric and the distance, with `end` between them."""
     unit = unit_of(parameters)
     known = ", ".join(
         f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
@@ -651,7 +654,11 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
 
 
 def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[str]:
-    """Yield the periods of reports on a common clock, from names and the settings of their runs."""
+    """Yield a sentence on how long each report of a tracker is valid.
+
+    `settings` has a name and the settings of its runs for each tracker or group. Only runs with a
+    common clock have such a period.
+    """
     texts = []
     for name, runs in settings:
         own = [run["period"] for run in runs if isinstance(run.get("period"), int | float)]
@@ -662,7 +669,7 @@ def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[st
 
 
 # -------------------------------------------------------------------------------------------------
-# A proven order in words. A verdict is what is proven about the order of two values.
+# A proven order in words. A verdict says which order of two values is proven.
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
 """Verdicts by their displayed names in tables."""
@@ -682,7 +689,7 @@ MAX_NAMED = 8
 def first_names(groups: Sequence[Sequence[str]]) -> str:
     """Return the first `MAX_NAMED` names, and the number of the rest.
 
-    There are commas between groups, and ``=`` between the names of a group, which are equal.
+    The names of a group have equal values. They are joined by ``=``, and groups by commas.
     """
     left, texts = MAX_NAMED, list[str]()
     for group in groups:
@@ -734,7 +741,7 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
     """Return the indices of entries that are proven to have this place, even if they share it.
 
-    The list is empty if all entries have the place.
+    If all entries have the place, the list is empty, because none is better than the others.
     """
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
@@ -743,7 +750,7 @@ def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
 def best_cells(
     columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]], place: int = 1
 ) -> frozenset[tuple[int, int]]:
-    """Return the indices of row and column of each value that is proven to have this place.
+    """Return the cells, as indices of row and column, whose values are proven to have this place.
 
     Parameters
     ----------

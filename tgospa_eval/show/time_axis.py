@@ -13,7 +13,7 @@ from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
 """Largest ratio of the mean gap between steps to the typical gap at which a time axis is to scale.
-With larger gaps, steps are evenly spaced."""
+If the ratio is larger, the axis shows the steps at equal distances."""
 
 TYPICAL_QUANTILE = 0.9
 """Quantile of the gaps between neighbouring steps that counts as the typical gap."""
@@ -35,8 +35,9 @@ def describe_times(times: Sequence[Time]) -> Json:
     -------
     dict
         ``kind`` tells what the positions on the axis are. ``"number"``: the times themselves.
-        ``"stamp"``: differences of integers to the first one, which is ``origin``. ``"date"``:
-        seconds since midnight of the day ``origin``. ``"step"``: indices of the steps. ``values``
+        ``"stamp"``: differences between integer times and the first time, which is ``origin``.
+        ``"date"``: seconds since midnight of the day ``origin``. ``"step"``: indices of the steps,
+        for times that do not increase or are very uneven, and for other texts. ``values``
         has the positions, or is None for ``"number"`` and ``"step"``.
     """
     kind, origin, values = "number", "", None
@@ -78,7 +79,7 @@ def _typical_gap(values: Floats) -> tuple[Floats, float]:
 
 
 def uneven(values: Floats) -> bool:
-    """Check whether an axis cannot be to scale: times do not increase, or gaps would fill it."""
+    """Check whether an axis cannot be to scale: times do not increase, or gaps are too large."""
     gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -134,7 +135,8 @@ class TimeAxis:
     def edges(self) -> tuple[Floats, Floats]:
         """Begin and end of each step on the axis: halfway to the steps before and after it.
 
-        If a neighbour is more than two typical gaps away, it is half a typical gap away instead.
+        Towards a step that is more than two typical gaps away, the distance is half a typical gap
+        instead.
         """
         if not len(self.at):
             return self.at, self.at
@@ -176,7 +178,8 @@ class TimeAxis:
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
         """Return ticks at round times of day or at days.
 
-        If all have the same day or year, only the name of the axis has it.
+        If all ticks are on the same day or in the same year, it is written only in the name of the
+        axis.
         """
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
@@ -210,8 +213,8 @@ class TimeAxis:
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
     """Return ticks at round numbers.
 
-    If these are large and close to each other, their names are the differences to a round number,
-    which is in the name of the axis.
+    If the numbers are large and close to each other, a round number is subtracted for the names of
+    the ticks. The name of the axis tells this round number.
     """
     places, base = nice(low, high, count), 0.0
     if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
