@@ -249,7 +249,12 @@ def _price_error(parameters: Parameters) -> float:
 
 
 def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
-    """Raise a `ConfigError` if the powers of all distances, or the power of the penalty, underflow.
+    """Refuse a cutoff that is so large that powers underflow.
+
+    Raises
+    ------
+    ConfigError
+        The powers of all distances, or the power of the switch penalty, underflow.
     """
     order, penalty = parameters.order, parameters.switch_penalty
     farthest = float(distance.max(initial=0.0))
@@ -298,7 +303,7 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
     Raises
     ------
     ConfigError
-        A weight is negative, not finite, too large or too small, or all are zero.
+        A weight is negative, not finite, too large or too small, or all weights `cost` are 0.
     """
     for weights in (cost, switch):
         fine = (weights == 0) | ((weights >= SMALLEST_WEIGHT) & (weights <= LARGEST_WEIGHT))
@@ -313,10 +318,11 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
 
 
 def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
-    """Return the problem with weighted steps: ``A w(k), B w(k), D w(k), lambda w'(k)``.
+    """Return the problem with weighted steps.
 
-    The weights w are `cost`, and w' are `switch` (see `check_weights`). Pairs at steps with weight
-    0 have no gain and are left out.
+    Prices, costs and switch prices become ``A w(k), B w(k), D w(k), lambda w'(k)`` at step k. The
+    weights w are the argument `cost`, and w' are `switch` (see `check_weights`). Pairs at steps
+    with w(k) = 0 have no gain and are left out.
     """
     factor = cost[problem.entry_step]
     if problem.pair_share is not None:

@@ -65,7 +65,7 @@ def offsets(states: States) -> Offsets:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowMoves:
-    """Events in the paths of rows, in order of time: states begin, prices are paid, offsets are lost.
+    """Events of rows, in order of time: states begin, prices are paid, offsets are lost.
 
     Rows and pairs are those of the states given to `RowMoves.of`, numbered in the same order. Times
     are the integers from 0 on. Each kind of event has some arrays with an element for each event,
