@@ -208,9 +208,9 @@ class Edit:
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
     """Translate the assignments of a solution to the tracks after an edit.
 
-    An assignment of a track that the edit divides into pieces becomes one assignment for each
-    piece. Return four arrays with an element for each new assignment: index of the old assignment
-    in `old`, index of the track after the edit, first step, and last step.
+    If the edit divides a track into pieces, each assignment of the track becomes one assignment for
+    each piece that it overlaps. Return four arrays with an element for each new assignment: index
+    of the old assignment in `old`, index of the track after the edit, first step, and last step.
     """
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
@@ -447,7 +447,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
     """Yield a split of a track at each step at which it changes to another true object.
 
-    `names` has the ids of all tracks.
+    `names` has the ids that exist already. The id of the new track is none of them.
     """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)

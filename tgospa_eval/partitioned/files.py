@@ -198,8 +198,8 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     Returns
     -------
     str or None
-        A file that has changed, which means that the folder is now empty; None if no file has
-        changed.
+        A file that has changed, which means that all earlier results are removed; None if no file
+        has changed.
 
     Raises
     ------
