@@ -51,7 +51,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 # Proof of savings.
 #
 # A bound of the cost is the sum of the bounds of the components, plus the cost of the objects and
-# tracks in no component. A repair changes few components, so only these are solved again
+# tracks in no component. A repair changes few components. Only these are solved again
 # (docs/theory/solvers.md, "Repairs").
 
 
@@ -60,7 +60,9 @@ Masks = tuple[Mask, Mask]
 
 
 class Trials:
-    """Trials of repairs of an evaluated estimate: each is applied, and its cost is proven.
+    """Trials of repairs of an evaluated estimate.
+
+    A trial applies a repair to the estimate, and proves bounds of the cost of the result.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ class Trials:
         filters = {name.rpartition("_")[2] for name in request.recorded}
         self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
-            sides.distance is not request.distance  # the data decide settings of the distance
+            sides.distance is not request.distance  # settings of the distance come from the data
             or "reduce" in distance
             or reach_of(self.aligned.truth, request) is not None
         )
@@ -100,7 +102,7 @@ class Trials:
     ) -> list[tuple[Candidate, Bounds, float]]:
         """Try repairs until all are tried or the user stops.
 
-        Repairs after which the evaluation is not possible are left out.
+        A repair is left out if the evaluation is not possible after it.
 
         Returns
         -------
@@ -116,14 +118,15 @@ class Trials:
             progress.again("repairs", done / len(candidates))
             try:
                 tried.append((candidate, *self._trial(candidate.edit, stopwatch)))
-            except (ConfigError, InputError):  # for example, no evaluated step is left
+            except (ConfigError, InputError):  # for example, there is no evaluated step any more
                 continue
         return tried
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
-        """Return bounds and cost of the estimate after an edit; if possible, solve only components.
+        """Return the bounds and the cost of the estimate after an edit.
 
-        Only the components that the edit touches are solved if the edit leaves the rest unchanged.
+        If all other tracks and the truth remain the same, only the components that the edit touches
+        are solved. If not, the whole problem is solved.
         """
         conversion = own_conversion(self.request, self.estimate)
         after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
@@ -140,7 +143,7 @@ class Trials:
         return self._evaluated(sides, edit, stopwatch)
 
     def _keeps_rest(self, edit: Edit, after: Alignment) -> bool:
-        """Check that `after` has the same truth, and the same tracks except those of the edit."""
+        """Check that the truth and all tracks that are not in the edit are the same in `after`."""
         before = self.aligned
         is_other = np.ones(len(self.number) + len(edit.fresh), bool)
         is_other[list(self._tracks(edit))] = False
@@ -157,9 +160,9 @@ class Trials:
         return {*edit.pieces, *added, *fresh}
 
     def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
-        """Return, for each track of an estimate, its index as the edit counts tracks.
+        """Return, for each track of the estimate `side`, its index in the edit.
 
-        The edit counts the tracks before it first, and then its new tracks.
+        An edit numbers the tracks of the evaluated estimate from 0, and its new tracks after them.
         """
         number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
         return np.array([number[name] for name in side.ids.tolist()], np.int64)
@@ -198,10 +201,10 @@ class Trials:
     def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
         """Return masks of the objects and tracks that an edit touches, and of their components.
 
-        The edit touches a component if it changes a track of the component. If rows can be new, it
-        is also enough that a changed track is near an object of the component after the edit.
-        `after` is the estimate after the edit, with R rows. `track` (R,) has the index of the track
-        of each row, from `_numbers`.
+        The edit touches a component if it changes a track of the component. If the estimate can
+        have new rows, the edit also touches each component that has an object near a changed track
+        after the edit. `after` is the estimate after the edit, with R rows. `track` (R,) has, for
+        each row, the index of its track in the edit (see `_numbers`).
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)
@@ -228,7 +231,10 @@ class Trials:
     def _evaluated(
         self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
-        """Return bounds and cost of two sides, solved from the solution before the edit."""
+        """Return bounds and cost of two sides after an edit.
+
+        If the solver supports it, it begins with the solution before the edit.
+        """
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solver = self.request.solver
         if isinstance(solver, Certified):
@@ -239,7 +245,7 @@ class Trials:
         return bounds, split.total
 
     def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
-        """Return the assignment and the prices before the edit, translated to the edited tracks."""
+        """Translate the assignment and the prices before the edit to the tracks after it."""
         old = self.assigned.saved
         run, estimate, begin, end = renamed(old, edit)
         became = edit.tracks(old.priced, old.step)
@@ -260,7 +266,7 @@ class Trials:
         step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
-        # A true object without a row on the old grid had no pair, so nothing is known about it.
+        # The solution has no partner of a true object that had no row on the grid before the edit.
         known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
         origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
@@ -274,7 +280,7 @@ TOP = 10
 """Default number of listed repairs."""
 
 TRIED = 2
-"""At most this many times the number of listed repairs are tried."""
+"""Largest number of repairs that are tried, divided by the largest number that are listed."""
 
 
 def explain(
@@ -283,22 +289,22 @@ def explain(
     *,
     stopwatch: Stopwatch | None = None,
 ) -> Explanation:
-    """Return at most `top` repairs, with the largest proven savings.
+    """Return the repairs with the largest proven savings, at most `top`.
 
     Parameters
     ----------
     result : PairEvaluation
         Result of `evaluate`.
     top : int
-        Largest number of listed repairs. Up to `TRIED` times as many are tried.
+        Largest number of listed repairs. At most `TRIED` * `top` repairs are tried.
     stopwatch : Stopwatch, optional
         Stopwatch that shows the progress.
 
     Raises
     ------
     ConfigError
-        `top` is less than 1, the result does not contain its data, or repairs are not supported
-        with an option of the evaluation.
+        `top` is less than 1, the result does not contain the evaluated data, or an option of the
+        evaluation does not support repairs.
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
@@ -323,7 +329,7 @@ def explain(
         trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
         repairs = [_repair(result, sides.read[0].columns, *trial) for trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
-    worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # ties keep their order
+    worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # stable for equal savings
     estimate = as_read(sides.alignment.estimate)
     return Explanation(
         result=result,
@@ -346,9 +352,10 @@ def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conver
 
 
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
-    """Return the kinds of repairs that are not tried.
+    """Return the kinds of repairs that are not tried because the evaluation filters rows.
 
-    After these repairs, filters of rows could leave out other rows than before.
+    A repair of such a kind changes or adds states or times, so that a filter could leave out other
+    rows than before.
 
     Raises
     ------
@@ -403,7 +410,7 @@ def _repair(
     after: Bounds,
     total: float,
 ) -> Repair:
-    """Return the repair of a candidate, with ids and times as the user knows them.
+    """Return the repair that a candidate proposes, with ids and times as in the user's files.
 
     `after` has the bounds of the cost after the repair, and `total` is the cost of its assignment,
     in units of c^p.
@@ -437,9 +444,9 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Round a saving down (-1) or up (1).
+    """Round a saving ``scale * (before - after)`` down (`sign` -1) or up (`sign` 1).
 
-    It is rounded by more than the rounding error of ``scale * (before - after)``.
+    The saving changes by more than the rounding error of this formula.
     """
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 

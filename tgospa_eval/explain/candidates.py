@@ -50,7 +50,7 @@ class AssignedStretch(NamedTuple):
 
 
 class Track:
-    """Index of the rows of truth or estimate, to look up all rows of a track, or that of a step."""
+    """Lookup of the rows of truth or estimate: all rows of a track, or its row at a given step."""
 
     def __init__(self, side: Objects, steps: int) -> None:
         self.side, self.steps = side, steps
@@ -63,7 +63,7 @@ class Track:
         return self.order[self.first[track] : self.first[track + 1]]
 
     def find(self, track: Ints, step: Ints) -> Ints:
-        """Return the row of each track at its step, `NO_PARTNER` if it does not exist there."""
+        """Return the row of each track at its element of `step`; `NO_PARTNER` if it has none."""
         if not len(self._key):
             return np.full(len(track), NO_PARTNER)
         key = step.astype(np.int64) * self.side.count + track
@@ -89,10 +89,11 @@ class Assigned:
     truth, estimate : Track
         Rows of the truth and of the estimate.
     followed, follows : (R,) int arrays
-        For each truth row, the near estimate with the largest weight. For each estimate row, the
-        near true object with the largest weight. `NO_PARTNER` if there is none.
+        `followed` has, for each truth row, the near estimate with the largest weight. `follows`
+        has, for each estimate row, the near true object with the largest weight. Both have
+        `NO_PARTNER` in rows that are not assigned.
     cost : (R,) float array
-        Cost of the pair of each estimate row that follows a true object, else 0.
+        For each estimate row that follows a true object, the cost of this pair; for others, 0.
     saved : SavedSolution
         Assignment over time, and prices.
     """
@@ -173,9 +174,9 @@ class Edit:
     added : AddedRows, optional
         Rows to add.
     shift : int
-        Number of steps by which every row is moved to a later step, or to an earlier one if < 0.
+        Number of steps by which every row is moved: to later steps if > 0, to earlier ones if < 0.
     offset : (d,) float array, optional
-        Value of each state column that is subtracted from every state.
+        Vector that is subtracted from every state, with an element for each state column.
     """
 
     pieces: Mapping[int, tuple[TrackPiece, ...]] = field(default_factory=dict)
@@ -207,8 +208,9 @@ class Edit:
 def renamed(old: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
     """Translate the assignments of a solution to the tracks after an edit.
 
-    Return, for each resulting assignment, its index in `old`, the estimate after the edit, and the
-    first and last step.
+    If the edit divides a track into pieces, each assignment of the track becomes one assignment for
+    each piece that it overlaps. Return four arrays with an element for each new assignment: index
+    of the old assignment in `old`, index of the track after the edit, first step, and last step.
     """
     still = np.flatnonzero(~np.isin(old.estimate, list(edit.pieces)))
     parts = [(still, old.estimate[still], old.begin[still], old.end[still])]
@@ -260,14 +262,15 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             covariance = np.concatenate((covariance, added.covariance))
         attributes = stacked(attributes, added.attributes, len(added.step))
     order = np.lexsort((track, step))
-    clouds = estimate.clouds  # no rows are added to clouds
+    clouds = estimate.clouds  # an edit never adds rows to an estimate of particle clouds
     if edit.offset is not None:
         state = state - edit.offset
         if clouds is not None:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past adds timestamps at the beginning: rows keep the indices of their steps.
+    # A shift to the past adds timestamps at the beginning, and does not change the index of the
+    # step of any row. A shift to the future adds them at the end, and increases the indices.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -287,10 +290,10 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
 
 
 def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
-    """Return the timestamps and their texts, with as many new ones as a shift needs.
+    """Return the timestamps of an estimate and their texts, extended for a shift by some steps.
 
-    New timestamps are at the end if `shift` > 0, else at the beginning. The median time step is
-    their spacing.
+    The extension has |shift| new timestamps: after the last one if `shift` > 0, else before the
+    first. They are spaced by the median time step.
     """
     times, labels = estimate.times, estimate.labels
     if not shift:
@@ -356,7 +359,7 @@ class Candidate:
 def of_steps(
     kind: str, saving: float, edit: Edit, tracks: tuple[int, ...], steps: Ints
 ) -> Candidate:
-    """Return a candidate whose first and last step are the first and last of `steps`."""
+    """Return a candidate that begins at the first and ends at the last element of `steps`."""
     begin, end = int(steps[0]), int(steps[-1])
     return Candidate(kind=kind, saving=saving, edit=edit, tracks=tracks, begin=begin, end=end)
 
@@ -364,8 +367,8 @@ def of_steps(
 def exchanged(assigned: Assigned) -> Iterator[Candidate]:
     """Yield a repair for each switch of a true object from one track to another.
 
-    If the two tracks have no step in common, it merges them. Otherwise it exchanges them from the
-    switch on.
+    The repair merges the two tracks if they have no step in common. If they have, it exchanges
+    them from the switch on. No repair is yielded twice.
     """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -410,7 +413,7 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
 
 
 def _first_row(assigned: Assigned, a: int, b: int, step: int) -> int | None:
-    """Return the first step from `step` on at which one of two tracks exists; None if neither."""
+    """Return the first step from `step` on at which track a or b has a row; None if none has."""
     steps = [assigned.estimate.side.step[assigned.estimate.rows(track)] for track in (a, b)]
     later = np.concatenate([own[own >= step] for own in steps])
     return int(later.min()) if len(later) else None
@@ -429,8 +432,8 @@ def _changes(estimates: list[int]) -> int:
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
     """Return by how much an exchange of two tracks reduces the changes of one true object.
 
-    `stretches` are those of the true object, and the exchange begins at `step`. The result is
-    negative if the exchange adds a change.
+    The tracks are exchanged from `step` on. `stretches` are the assignments of the true object. The
+    result is negative if the exchange adds a change.
     """
     before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
     after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
@@ -444,7 +447,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
     """Yield a split of a track at each step at which it changes to another true object.
 
-    `names` has the ids of all tracks.
+    `names` has the ids that exist already. The id of the new track is none of them.
     """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
@@ -483,7 +486,8 @@ def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # `worth` is what a state saves: if it follows a true object, a miss minus the cost of the pair.
+    # `worth` is the amount by which a row lowers the cost: the price of a missed object minus the
+    # cost of the pair. It is minus the price of a false estimate if the row follows no object.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -517,8 +521,8 @@ def _without_rows(assigned: Assigned, track: int, rows: Ints) -> Candidate:
 # -------------------------------------------------------------------------------------------------
 # Repairs that add or move states: filling gaps, extending tracks, moving the whole estimate.
 #
-# Savings are estimated by the base distance. For Gaussians and clouds, a distance between the means
-# is used instead. It is at most the base distance.
+# Savings are estimated by the base distance. For Gaussians and clouds, they are estimated by a
+# distance between the means instead, which never exceeds the base distance.
 
 LONGEST_EXTENSION = 50
 """Largest number of steps of an extension."""
@@ -541,7 +545,8 @@ class StatePlaces:
     timestamps : (T,) float array
         Timestamps of the grid, as numbers.
     distance : Distance
-        Base distance; for Gaussians and clouds, a distance between the means that is not larger.
+        Base distance; for Gaussians and clouds, a distance between the means, which is never larger
+        than the base distance.
     parameters : Parameters
         Cutoff and order.
     period : (d,) float array
@@ -559,7 +564,7 @@ class StatePlaces:
         self.existence = existence_of(self.estimate) if probabilistic else None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
-        """Return ``(d / c)^p`` for N states and their truth rows, infinite for negative rows."""
+        """Return ``(d / c)^p`` of each state and its truth row, (N,); infinite if the row is -1."""
         there = row >= 0
         distance = self.distance(state[there], self.truth.state[row[there]])
         costs = np.full(len(row), np.inf)
@@ -567,14 +572,17 @@ class StatePlaces:
         return costs
 
     def difference(self, first: Floats, second: Floats) -> Floats:
-        """Return second minus first, by the shorter way for periodic columns."""
+        """Return second minus first; in periodic columns, the difference of smallest size."""
         delta = second - first
         turns = np.rint(delta / self.period)
         return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
 
 
 def filled(assigned: Assigned, places: StatePlaces, limit: int) -> Iterator[Candidate]:
-    """Yield fills of gaps in tracks, at most `limit`: states on a line between both ends."""
+    """Yield at most `limit` repairs, each of which fills a gap in a track.
+
+    The new states are on a straight line between the states before and after the gap.
+    """
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
     size = side.step[right].astype(np.int64) - side.step[left] - 1
@@ -609,9 +617,10 @@ def _with_rows(
 ) -> Candidate:
     """Return the candidate that adds N rows to a track.
 
-    `step` and `state` have the step and the state of each row. Covariances and probabilities of
-    existence are interpolated between two existing rows of the track, which `ends` has for each new
-    row: two arrays (N,). `share` (N, 1) is 0 for the value of the first row and 1 for the second.
+    `step` and `state` have the step and the state of each new row. Its covariance and its
+    probability of existence are interpolated between two existing rows of the track. `ends` has the
+    indices of these two rows: two arrays (N,). `share` (N, 1) is the weight of the second of them:
+    the new row has the values of the first at 0, and those of the second at 1.
     """
     order = np.argsort(step)
     first, second = ends
@@ -637,10 +646,11 @@ def _with_rows(
 def _added_saves(
     assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
-    """Return the estimated saving of each of N new states, negative if the state would be false.
+    """Return the estimated saving of each of N new states.
 
-    `wanted` has the true object that each state would follow, and its step. `price` is the cost of
-    each state if it is false.
+    `wanted` has two arrays (N,): the true object that each new state is meant to follow, and the
+    step of the state. A new state is false if this object does not exist at the step, or is already
+    followed. Then the saving is -`price`, where `price` has the cost of each false state.
     """
     row = assigned.truth.find(*wanted)
     row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)

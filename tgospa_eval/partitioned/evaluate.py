@@ -52,29 +52,30 @@ from tgospa_eval.tracks.coverage import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
-"""If all files have fewer bytes than SMALL_DATA, this process works for BEFORE_WORKERS seconds
-before workers start, because a start takes a second. With larger files workers start at once:
-otherwise this process would need as much memory as a worker."""
+"""Limit in bytes of small data, and seconds of work before workers start. If all files together are
+smaller than SMALL_DATA, this process works for BEFORE_WORKERS seconds first, because starting
+workers takes a second. With larger files, workers start at once, so that this process does not need
+the memory of a worker."""
 
 ROWS_SUMMED = 1 << 18
 """Number of assigned pairs that are added up at once."""
 
 ROUNDED = 1e-9
-"""Largest share of followed steps that counts as zero, because weights are rounded."""
+"""Largest followed share of a track that counts as 0. It exceeds 0 because weights are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSummary(Reading):
-    """Facts about a side after all its rows were read. Its `trajectories` have only the times.
+    """Facts about a side after all its rows were read. Its `trajectories` have times and no rows.
 
-    Rows that options leave out, such as duplicates or other classes, do not *take part*.
+    Rows *take part* if no option leaves them out, for example as duplicates or by their class.
 
     Parameters
     ----------
     at_steps : int
         Number of rows that take part and are at a step.
     sums : list of tuple of int
-        Results of `tracks.coverage.row_sums` for the rows of each block that take part.
+        Result of `tracks.coverage.row_sums` for each block, from its rows that take part.
     """
 
     at_steps: int
@@ -123,7 +124,7 @@ class SideSummary(Reading):
         return self.taken - self.at_steps
 
     def has_class(self, name: str) -> bool:
-        """Return True if a row of any block has this requested class."""
+        """Return True if a row of the side has this requested class."""
         return name in self.named
 
 
@@ -148,23 +149,23 @@ def evaluate_partitioned(
     reading : pair of ReadOptions
         Options for reading them.
     request_of : callable
-        Function that receives the names of the state columns, and returns the options of the
-        evaluation.
+        Function that makes the options of the evaluation from the names of the state columns.
     work : Path
-        Folder for intermediate results and for the tables of the result. If the same evaluation is
-        started again, it continues from the results in this folder.
+        Folder for intermediate results and for the tables of the result. After an interruption, the
+        same evaluation continues from the results in this folder.
     share : Share
         Number of processes, and memory of each process.
     engine : Engine, optional
         Engine of the worker processes; by default this process does the work.
     kept : bool
-        Whether the folder is kept after the run. If not, the table of assigned pairs has no rows,
-        because it would be as long as the data.
+        Whether the folder `work` is kept after the run. If it is not kept, the table of assigned
+        pairs is written without rows, because otherwise it would be as long as the data.
     stopwatch : Stopwatch
         Stopwatch for the time of each stage.
     check : callable, optional
-        Function that receives facts about both sides, and the paths. It is called after all rows
-        were read, and can raise errors before anything is solved.
+        Function that checks the facts about both sides (first argument) of these paths (second
+        argument). It is called after all rows were read and before anything is solved, and can
+        raise errors.
 
     Raises
     ------
@@ -240,9 +241,9 @@ def _with_heights(
     paths: tuple[str, str],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
 ) -> tuple[tuple[ReadOptions, ReadOptions], list[Notice]]:
-    """Return the options for reading, and notices about heights.
+    """Return the options for reading, changed to read heights if both sides have heights.
 
-    The returned options read heights if both sides have them.
+    Also return notices about heights that are read or left out.
 
     Raises
     ------
@@ -277,12 +278,12 @@ def _marking(
     request, sides
         The changed request and sides.
     list of str
-        Notices about classes to ignore that no row has.
+        Notices about classes that the options ignore, but no row has.
 
     Raises
     ------
     ConfigError
-        A side lacks a column with requested marks.
+        A side lacks a column of marks that the options name.
     """
     ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
     ignoring, absent = ignoring.spelt(sides[0].steps.classes)
@@ -308,10 +309,13 @@ def _result(
     *,
     assignments: bool,
 ) -> PartitionedResult:
-    """Write the tables, and return the result; with `assignments`, write all assigned pairs."""
+    """Write the tables, and return the result.
+
+    The table of assigned pairs has rows only if `assignments` is True.
+    """
     request, sides, proof = plan.request, plan.sides, evaluated.proof
     for side, numbered in zip(sides, evaluated.tracks, strict=True):
-        if numbered.rows.sum() == side.steps.rows:  # otherwise rows left out may have other ids
+        if numbered.rows.sum() == side.steps.rows:  # if rows are left out, they may have other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -396,9 +400,9 @@ def _result(
 
 
 def tracking(evaluated: Evaluated, switches: float) -> tuple[Json, Floats]:
-    """Return the numbers of the summary, and the followed share of the steps of each truth.
+    """Return numbers for the summary, and the followed share of the steps of each truth.
 
-    The numbers are only those that can be computed from sums over assigned pairs and tracks.
+    Only those numbers are returned that follow from sums over assigned pairs and over tracks.
     `switches` is the number of switches.
     """
     parameters = evaluated.proof.parameters
@@ -460,7 +464,7 @@ def _notices(
     plan: BlockPlan,
     blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
-    """Yield notices about the rows and the times of both sides, after all rows were read."""
+    """Yield the notices about rows and times that need the counts of all blocks."""
     matching = plan.request.time_matching
     for side, one in zip(plan.sides, known, strict=True):
         for text in side.said(one.left_out):
@@ -479,8 +483,8 @@ def _notices(
 
 
 DIAGNOSED_ROWS = 50_000
-"""Number of rows of both sides together that are searched for faults. This takes a tenth of a
-second."""
+"""Approximate number of rows of both sides together that are searched for faults. The search takes
+a tenth of a second."""
 
 
 def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
@@ -496,7 +500,9 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
         Alignment of the times of both sides, from `find_steps`.
     """
     request, names = plan.request, plan.names
-    steps = replace(grid, left_out=(0, 0))  # `grid` counts times, and rows are not counted yet
+    # `left_out` of `grid` has numbers of times. Messages need numbers of rows, which are not known
+    # yet.
+    steps = replace(grid, left_out=(0, 0))
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(plan.rows, DIAGNOSED_ROWS)
     piece = plan.piece(first, last + 1)
@@ -504,7 +510,7 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
     truth, estimate = (reading.trajectories for reading in readings)
     if request.time_matching.decided:
         sides, _ = fitted(piece, (truth, estimate), request, names)
-    else:  # only original times show faults of clocks
+    else:  # match the original times, because they can show faults of clocks
         sides = fit(truth, estimate, request, names)
     warnings = diagnose(replace(sides, headers=readings[1].headers, in_parts=True), request)
     if request.defaults:
@@ -518,9 +524,9 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
 
 
 def middle(rows: Ints, size: int) -> tuple[int, int]:
-    """Return the first and last step of about `size` rows around the middle row.
+    """Return the first and the last of the steps that have about `size` rows in the middle.
 
-    `rows` has the number of rows of each step.
+    `rows` has the number of rows of each step. The middle is the middle row, not the middle step.
     """
     after = np.cumsum(rows)
     half = int(after[-1]) // 2

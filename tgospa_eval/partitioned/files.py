@@ -1,7 +1,7 @@
 """Files of one side that is read in parts: their list, their digests, and the rows of their pieces.
 
-A *piece* is a part of a file that one task reads: row groups of a Parquet file, or a range of bytes
-of a text.
+A *piece* is a part of a file that one task reads. In a Parquet file it is some row groups, and in a
+text (a CSV file) a range of bytes.
 """
 
 import hashlib
@@ -43,10 +43,11 @@ if TYPE_CHECKING:
 
 
 PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
-"""Suffixes of the names of files. A suffix of compression can follow."""
+"""Suffixes of the names of Parquet and of CSV files. A suffix of compression, such as .gz, can
+follow."""
 
 HIDDEN = ("_", ".")
-"""Files and folders whose names begin with these characters are not data, such as _SUCCESS."""
+"""Characters with which the names of files and folders begin that are no data, such as _SUCCESS."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -76,7 +77,7 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     Raises
     ------
     InputError
-        There is no file, a file has a format that is not read in parts, or formats differ.
+        There is no file, the format of a file is not read in parts, or the formats differ.
     ConfigError
         The path is that of the standard input.
     """
@@ -105,15 +106,16 @@ def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
     """Yield the files of a side in the order of their paths, with the `os.stat` of each."""
     files = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
     for file in sorted(files, key=lambda file: file.path):
-        with suppress(FileNotFoundError):  # a broken link raises an error when it is read
+        with suppress(FileNotFoundError):  # a broken link: reading it raises an error later
             yield file, os.stat(file.place)
 
 
 def state_of(stat: os.stat_result) -> tuple[int, ...]:
-    """Return the parts of the status of a file that change if it is changed or replaced.
+    """Return the size, two times and the inode number of a file, to see if it has changed.
 
-    A program can set the time of modification back, but not the time of the last status change. The
-    device is left out, because its number may change with each mount.
+    The times are those of the last modification and of the last status change. A program can set
+    back the first, but not the second. The number of the device is left out, because it may change
+    with each mount.
     """
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
@@ -169,20 +171,20 @@ def _kind(path: str) -> str:
 
 
 TOGETHER = 1 << 26
-"""Number of bytes for which one task computes digests."""
+"""Largest number of bytes for which one task computes digests."""
 
 CONTENT = "content"
-"""Subfolder of the folder of work, for digests of the files from which its results come."""
+"""Name of the subfolder of the folder of work that has the digests of all files of both sides."""
 
 Stretch = tuple[File, int, int]
 """A range of bytes of a file: the file, the first byte, and the end."""
 
 
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
-    """Empty the folder of work if its results come from files with other content.
+    """Empty the folder of work if the content of a file has changed since its results were made.
 
-    A changed file can have the size and times of the old file. So all files are read whenever the
-    work begins or continues.
+    A changed file can have the same size and times as before. For this reason, all files are read
+    and compared by their digests, whenever the work begins or continues.
 
     Parameters
     ----------
@@ -196,7 +198,8 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     Returns
     -------
     str or None
-        A file that has changed, so that the work starts again; None if all are unchanged.
+        A file that has changed, which means that all earlier results are removed; None if no file
+        has changed.
 
     Raises
     ------
@@ -205,7 +208,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     """
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = tempfile.mkdtemp(dir=kept.parent)  # a new folder: old digests could be out of date
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # a new folder, so that no digest is from earlier
     batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
         os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
@@ -225,7 +228,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
             before = {}
     changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]
     if changed:
-        with removing(work, but=CONTENT):  # old digests are kept until all results are removed
+        with removing(work, but=CONTENT):  # the old digests stay until all results are removed
             pass
     if changed or not kept.exists():
         with writing(str(kept)) as beside:
@@ -234,7 +237,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
 
 
 def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
-    """Write the SHA-256 digest of each of these ranges of bytes.
+    """Write the SHA-256 digest of each range of bytes in `stretches` to the file `output`.
 
     Raises
     ------
@@ -309,10 +312,10 @@ Moved = Callable[[str], str]
 
 
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-    """Yield rows of the lines that begin in a range of bytes, with the index of the first of them.
+    """Yield the rows of a range of bytes in chunks, each with the index of its first row.
 
-    Indices count the rows of the range. A compressed file is read whole, about `end` bytes of text
-    at a time.
+    The range has the lines that begin in it. Indices count its rows from 0. Exception: a compressed
+    file is read as a whole, in chunks of about `end` bytes of unpacked text.
 
     Raises
     ------
@@ -342,8 +345,8 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
 def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:
     """Replace the line number in a message by the line number in the whole file.
 
-    The message counts the `header` lines of the header, and then the lines of a part of the file.
-    `lines_before` counts the lines between the header and this part.
+    The message is about a text made of the header (`header` lines) and a later part of the file.
+    `lines_before` returns the number of lines between the header and this part.
     """
 
     def line(match: re.Match[str]) -> str:
@@ -354,7 +357,8 @@ def _moved(path: str, header: int, lines_before: Callable[[], int], message: str
 
 
 NumberedLines = tuple[bytes, Callable[[], int]]
-"""Some lines, and a function that counts the lines between the header and these lines."""
+"""Some lines of a file, and a function that counts the lines between the header and the first of
+them."""
 
 
 def _lines_between(file: File, head: bytes, begin: int, end: int) -> Iterator[NumberedLines]:
@@ -404,15 +408,16 @@ DECODED = 1 << 17
 """Number of rows that are decoded at once."""
 
 BYTES_OF_COLUMN = 1 << 20
-"""Number of bytes of a column that are read at once. A row group can be larger than memory."""
+"""Number of bytes of a column that are read at once. The limit is needed because a row group can be
+larger than memory."""
 
 
 def table_rows(
     file: File, begin: int, end: int, options: ReadOptions
 ) -> Iterator[tuple[Rows, int]]:
-    """Yield rows of a range of row groups of a Parquet file, with the index of the first of them.
+    """Yield the rows of some row groups of a Parquet file in chunks, each with its first index.
 
-    Indices count the rows of the file.
+    The first index is that of the first row of the chunk among all rows of the file.
 
     Raises
     ------
@@ -437,7 +442,8 @@ def _batches(
 ) -> "Iterator[pa.Table]":
     """Yield columns of row groups, some rows at a time.
 
-    A column that the file lacks can be a key of its folders: then it has this value in all rows.
+    If the file lacks a column and one of its folders is named ``column=value``, all rows of the
+    column have this value.
     """
     import pyarrow as pa
 
@@ -465,7 +471,8 @@ def open_table(
     pyarrow.parquet.ParquetFile
         The open file.
     pyarrow.Schema
-        Columns of the file. If they are not enough, the keys of its folders follow as columns.
+        Columns of the file. If they lack a column that is needed, the keys of the folders of the
+        file follow as further columns.
     Roles
         Roles of the columns.
 
@@ -515,8 +522,9 @@ class FilePiece:
     file : File
         The file.
     begin, end : int
-        First row group or byte of the piece, and the end. For a compressed text, `end` is the
-        number of bytes to read at a time.
+        Index of the first row group or byte of the piece, and the index after the last one. The
+        piece of a compressed text is the whole file; there, `end` is the number of bytes of
+        unpacked text to read at a time.
     text : bool
         Whether the file is a text.
     """
@@ -527,16 +535,16 @@ class FilePiece:
     text: bool
 
     def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
-        """Yield rows, some at a time, with the index of the first of them.
+        """Yield the rows of the piece in chunks, each with the index of its first row.
 
-        Indices count the rows of the whole table, or of this piece if the file is a text.
+        In a Parquet file, indices count all rows of the file; in a text, the rows of this piece.
         """
         return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
     def where(self, row: int, options: ReadOptions) -> str:
         """Return the place of a row for messages: file, and row or line.
 
-        `row` is an index as in `rows`.
+        `row` is the index of the row, counted as by `rows`.
         """
         if not self.text:
             return _row_of(self.file.path, 0, row)

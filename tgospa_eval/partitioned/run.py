@@ -1,7 +1,8 @@
 """Stages of a partitioned evaluation: scan, find components, shuffle, solve, add up.
 
-The tracks of all blocks get global numbers. Each component of tracks is put into a shard, and the
-near pairs of all blocks are sorted by shard. The package `partitioned` explains the words.
+The tracks of all blocks get global numbers. Each component of tracks is put into a shard. The
+"shuffle" sorts the near pairs of all blocks by shard. The docstring of the package `partitioned`
+explains these words.
 """
 
 import json
@@ -44,7 +45,8 @@ from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 FEW = 1 << 19
-"""Number of ids, or of pairs, that are merged at once. Each merge is a pass over all tracks."""
+"""Number of ids, or of pairs, that are merged at once. It is large because each merge is a pass
+over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,10 +56,10 @@ class Tracks:
     Parameters
     ----------
     ids : (k,) array of str
-        Ids of the k tracks, by their global numbers. Reading all rows from one file would give the
-        same numbers.
+        Ids of the k tracks, in the order of their global numbers. The numbers are the same as if
+        all rows were read from one file.
     rows, evaluated : (k,) int arrays
-        Number of rows at steps of each track, and number of those that are evaluated.
+        For each track: number of its rows that are at a step, and how many of these are evaluated.
     numbers : list of Path
         For each block, the file with the global numbers of its tracks.
     """
@@ -71,7 +73,7 @@ class Tracks:
 def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
     """Give global numbers to the tracks of a side (0 or 1), in natural order of their ids.
 
-    The numbers of the tracks of each block are written into its folder.
+    For each block, the global numbers of its tracks are written into the folder of the block.
     """
     role, ids = ROLES[side], np.zeros(0, "U1")
     for some in in_batches((block.read(f"{role}_ids") for block in blocks), len, FEW):
@@ -113,8 +115,8 @@ def make_shards(
     entries : (N,) int array
         Number of entries (near pairs at a step) of each shard.
     sizes : dict of str to int
-        Number of pairs of tracks that are near at some step, of entries and of components, by
-        their names in a result.
+        Three numbers of the whole problem, by their names in a result: pairs of tracks that are
+        near at some step, entries, and components.
     """
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
@@ -125,7 +127,7 @@ def make_shards(
     for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
-        # `root` is the smallest node of each component, also if batches join components.
+        # `root` has, for each node, the smallest node of its component in all batches so far.
         root = connected_components(root[truth], root[estimate + m], m + n)[root]
         again = several[0][truth] & several[1][estimate]
         once += len(again) - int(np.count_nonzero(again))
@@ -148,9 +150,9 @@ def make_shards(
 
 
 def _in_several(side: Tracks) -> Mask:
-    """Return a mask of tracks that are in several blocks.
+    """Return a mask of the tracks that are in several blocks.
 
-    Only pairs of two such tracks can be near in several blocks.
+    A pair can be near in several blocks only if both of its tracks are in this mask.
     """
     count = np.zeros(len(side.ids), np.int32)
     for path in side.numbers:
@@ -161,7 +163,10 @@ def _in_several(side: Tracks) -> Mask:
 def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Yield, for each block, the truths and the estimates of its pairs, and their entry counts."""
+    """Yield three arrays for each block, with an element for each of its pairs of tracks.
+
+    They have the global number of the truth, that of the estimate, and the number of entries.
+    """
     for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
@@ -171,11 +176,12 @@ def _near_tracks(
 # Progress of the stages.
 
 OUTWARD = 1e-12
-"""Displayed bounds are widened by this relative amount. It exceeds the rounding of their sums."""
+"""Relative amount by which displayed bounds are widened. It exceeds the rounding errors of the sums
+from which they are computed."""
 
 
 SHOWN_FROM = 0.01
-"""The remaining time is shown as soon as more than this share of the work is done."""
+"""Share of the work that must be done before the remaining time is shown."""
 
 
 class Stages:
@@ -215,13 +221,13 @@ class Stages:
         name : str
             Words for the work of the stage, such as ``"solving"``.
         tasks : mapping of str to Task
-            Tasks by the paths of their outputs, in the order in which they begin. A task whose
-            output exists is skipped.
+            Tasks by the paths of their outputs. Tasks begin in this order. A task is skipped if its
+            output exists.
         amounts : sequence of float, optional
             Work of each task: its number of entries. By default all tasks have the same work.
         sums_of : callable
-            Function that receives the output of a finished task, and returns its proven sums or
-            None.
+            Function that receives the path of the output of a finished task. It returns the proven
+            sums in this output, or None if there are none.
         """
         amounts = amounts or [1.0] * len(tasks)
         if self.engine is not None and len(tasks) > 1 and max(amounts) > HEAVY:
@@ -236,7 +242,7 @@ class Stages:
         run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
     def end_workers(self) -> None:
-        """End the workers: this process gets their memory, and does the remaining work."""
+        """End the workers. This process gets their memory, and does all further tasks."""
         if self.engine is not None:
             self.engine.close()
             self.engine = None
@@ -246,7 +252,7 @@ class Stages:
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
     def _ended(self, task: str, sums: PartialSums | None) -> None:
-        """Record that a task is done, and its sums, if any."""
+        """Record that a task is done. If it has proven sums, update the displayed bounds."""
         if task in self._left:
             self._left.remove(task)
             self._done += self._work[task]
@@ -262,7 +268,7 @@ class Stages:
         parameters : Parameters
             Parameters of the metric.
         objects : pair of int
-            Numbers of all states of truth and of estimate.
+            Number of evaluated states of the truth at all steps, and that of the estimate.
         """
         self._prices = parameters.unassigned_prices
         self._proven = {"": (0.0, self._unassigned(*objects))}
@@ -275,7 +281,8 @@ class Stages:
     def prove(self, share: PartialSums, name: str) -> None:
         """Record the proven sums of some components, and update the displayed bounds.
 
-        Objects of components without recorded sums count as unassigned in the upper bound.
+        The displayed upper bound counts all objects of the other components as unassigned, until
+        the sums of these components are recorded, too.
 
         Parameters
         ----------
@@ -313,7 +320,7 @@ def add_up(
     constants: Problem,
     parameters: Parameters,
 ) -> tuple[Costs, tuple[Ints, Ints], tuple[Ints, Ints], int]:
-    """Add up the costs of all shards, in order, and of the states that are in no shard.
+    """Add up the costs of all shards, in order. Add the costs of the states that are in no shard.
 
     Parameters
     ----------
@@ -324,7 +331,8 @@ def add_up(
     steps : int
         Number T of steps.
     constants : Problem
-        Result of `constants`, with the errors of the whole problem.
+        Result of `scan.constants`: a problem without entries that has the error fields of the
+        whole problem.
     parameters : Parameters
         Parameters of the metric.
 
@@ -378,7 +386,7 @@ def add_up(
 
 
 def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
-    """Return the total weight of the pairs with an ignored truth at each step."""
+    """Return, for each step, the sum of the weights of the pairs with an ignored truth, (T,)."""
     absorbed = np.zeros(steps)
     for piece in pieces:
         rows = np.load(piece, mmap_mode="r")
@@ -388,7 +396,10 @@ def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
 
 
 def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
-    """Return the costs of each track, including its rows without a near pair."""
+    """Return the costs of each track of a side, from the folders of all shards.
+
+    Rows without a near pair are in no shard. They are added here, at `price` each.
+    """
     costs = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
     rest = tracks.evaluated.copy()
     for path in existing_files(folders, f"{name}.npz"):
@@ -406,7 +417,8 @@ SCANNED = "scan"
 """Subfolder of the folder of work, for the results of `scan`."""
 
 HEAVY = 50_000
-"""Workers start at once if the largest of several tasks has more entries than this."""
+"""Largest number of entries of a task that is small. If a stage has several tasks and not all are
+small, workers start at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -438,7 +450,8 @@ class Evaluated:
     iterations : int
         Sum of the solver's iterations of all shards.
     constants : Problem
-        Problem without entries that has the errors of the whole problem.
+        Result of `scan.constants`: a problem without entries that has the error fields of the
+        whole problem.
     """
 
     proof: Costs
@@ -476,7 +489,8 @@ def scan_parts(
     Returns
     -------
     read : list of pairs of dict
-        Content of the file `READ` of each block: facts about all rows that were read of each side.
+        Content of the file `READ` of each block: for each side, facts about the rows that were
+        read.
     blocks : list of Scanned
         Facts about each block.
 
@@ -502,7 +516,9 @@ def scan_parts(
 def evaluate_parts(
     plan: BlockPlan, blocks: Sequence[Scanned], work: Path, share: Share, stages: Stages
 ) -> Evaluated:
-    """Solve the problem whose near pairs `scan_parts` wrote: make, solve and add up its shards.
+    """Solve the whole problem from the near pairs that `scan_parts` wrote.
+
+    The near pairs are divided into shards, each shard is solved, and the costs are added up.
 
     Raises
     ------
@@ -587,10 +603,11 @@ def _shuffle(
 def _beside(
     work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
 ) -> Iterator[NDArray[np.void]]:
-    """Yield the assigned pairs of each block with their further values; nothing if there are none.
+    """Yield, for each block, its assigned pairs with their further values (see `scan.BESIDE`).
 
-    The pairs are also written into files with these values. The paths of these files replace those
-    in the list `assigned`.
+    The pairs with these values are also written into a new file for each block. The paths of the
+    new files replace those in the list `assigned`. If no block has further values, nothing is
+    yielded, and `assigned` does not change.
     """
     if not any((block.folder / BESIDE).exists() for block in blocks):
         return

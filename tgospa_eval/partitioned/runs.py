@@ -1,7 +1,8 @@
 """Rows of a side sorted by time: runs of bounded size, from which blocks are read.
 
 The files of a side are read once, in pieces (see `files`). The rows of some pieces are sorted by
-time and written into a folder, as a *run*. A block of time takes one range of rows from each run.
+time and written into a folder. Such sorted rows are a *run*. The rows of a block of time are next
+to each other in each run.
 """
 
 import json
@@ -48,10 +49,10 @@ class Timestamps:
     clock : {"number", "local", "zoned"}
         Kind of the times.
     label : (T,) array of bytes, optional
-        Times as texts in UTF-8, if they are not numbers. If texts of the same time differ, the
+        If times are not numbers: texts of the times in UTF-8. If a time has several texts, the
         first one in the files is kept.
     source : str
-        Name of the first file that has some of these times.
+        Name of the first file with any of these times.
     """
 
     value: TimeArray
@@ -68,13 +69,13 @@ NO_TIMESTAMPS = Timestamps(
     label=None,
     source="",
 )
-"""Timestamps of no rows."""
+"""Empty timestamps: those of no rows."""
 
 
 def timestamps_of(times: Times, source: str) -> Timestamps:
     """Return the distinct times of some rows, which must be in the order of the file `source`."""
     value, label = times.value, None
-    if times.text is None and (value[1:] >= value[:-1]).all():  # the usual case
+    if times.text is None and (value[1:] >= value[:-1]).all():  # sorted already, as in most files
         begins = np.flatnonzero(np.append(True, value[1:] > value[:-1])[: len(value)])
         count = np.diff(np.append(begins, len(value)))
         begun = value[begins]
@@ -128,7 +129,7 @@ def _merged(given: Sequence[Timestamps]) -> Timestamps:
 
 
 def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
-    """Concatenate times of several files: as integers, or as doubles if a file has doubles.
+    """Concatenate times of several files. They become doubles if a file has doubles, else integers.
 
     `parts` has the times and the name of each file.
 
@@ -148,7 +149,7 @@ def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
 
 
 def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
-    """Concatenate rows of several parts that have the same columns; `name` is for the result."""
+    """Concatenate rows of several parts with the same columns; `name` is the name of the result."""
     ends = list(accumulate(len(part.times.value) for part in parts))
     roles = parts[0].roles
     numbers = np.empty((ends[-1], len(roles.numbers)), order="F")
@@ -181,14 +182,18 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
 
 
 def joined(parts: Sequence[Values]) -> Values:
-    """Concatenate the values of an attribute. If a part has texts, numbers become empty texts."""
+    """Concatenate the values of an attribute. If a part has texts, numbers become empty texts.
+
+    Such an attribute is an error, unless the parts without texts only have missing values (see
+    `run_names`).
+    """
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
     return cast(Values, np.concatenate(parts))
 
 
 def with_attributes(rows: Rows) -> Rows:
-    """Return the rows with their requested attributes, except those that `Rows.numbers` has."""
+    """Return the rows with the requested attributes. Attributes in `Rows.numbers` are left out."""
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}
@@ -199,7 +204,7 @@ def with_attributes(rows: Rows) -> Rows:
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
     """Merge tables of names (ids or classes) of several parts.
 
-    Return all names that occur, in natural order, and the index of the name of each row.
+    Return all names that occur in rows, in natural order, and, for each row, the index of its name.
     """
     if len(parts) == 1:
         return parts[0]
@@ -221,9 +226,10 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
 def write_runs(
     output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
 ) -> None:
-    """Write the rows of some pieces as runs of at least `rows_together` rows.
+    """Write the rows of some pieces as runs.
 
-    The last run has the rest. The pieces must be in the order of the files.
+    Each run has at least `rows_together` rows, except the last, which has the rest. The pieces must
+    be in the order of the files.
     """
     read = (
         (with_attributes(rows) if options.attributes else rows, first, piece)
@@ -245,8 +251,8 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     folder : Path
         Folder to create.
     run : sequence of tuple
-        Rows of the run in parts: some consecutive rows, the index of the first of them as
-        `FilePiece.rows` counts, and the piece.
+        Parts of the run. Each part has some consecutive rows, the index of the first of them
+        (counted as by `FilePiece.rows`), and the piece from which they come.
     """
     parts = [rows for rows, _, _ in run]
     begins = accumulate((len(rows.times.value) for rows in parts), initial=0)
@@ -293,7 +299,7 @@ def _kind(rows: Rows, name: str) -> str:
 
 
 def run_names(folders: Iterable[Path], name: str) -> list[str]:
-    """Return the classes of all runs of a side, in natural order, and check attributes.
+    """Check the attributes of a side, and return the classes in its runs in natural order.
 
     `name` is the name of the side in messages.
 
@@ -350,7 +356,7 @@ def run_rows(
 
     times: TimeArray = np.load(path / "time.npy", mmap_mode="r")
     low, high = span
-    if times.dtype.kind == "i":  # with a double, NumPy would convert all times to doubles
+    if times.dtype.kind == "i":  # if `low` was a double, NumPy would convert all times to doubles
         low, high = math.ceil(low), math.floor(high)
     begin = int(np.searchsorted(times, low, side="left"))
     end = int(np.searchsorted(times, high, side="right"))

@@ -1,8 +1,9 @@
 """Blocks of time: their steps, their rows, and the near pairs of these rows.
 
-The *times* of a side are the distinct times of its rows. A *step* is an evaluated time. Not every
-time is a step, and a time can be matched to a step at a slightly different time. Arrays over the
-steps of a block are (L,), and arrays over all steps (T,).
+The *times* of a side are the distinct times of its rows. A *step* is an evaluated time. A time of a
+side can be matched to a step that is slightly earlier or later. If it is matched to no step, its
+rows are not evaluated. An array over the steps of a block has the size (L,), and an array over all
+steps the size (T,).
 """
 
 import itertools
@@ -40,13 +41,13 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def read_times(side: PartsSide, span: slice) -> Reading:
-    """Read the rows at a slice of the times of a side; the slice may be empty."""
+    """Read the rows at the times in a slice of `side.times`; the slice may be empty."""
     times = side.times[span]
     return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
 
 def places(times: Times, first: float, last: float) -> slice:
-    """Return the slice of sorted times from `first` to `last`, both included."""
+    """Return the slice of the sorted `times` that has those from `first` to `last`, inclusive."""
     begin = int(np.searchsorted(times, first, side="left"))
     return slice(begin, int(np.searchsorted(times, last, side="right")))
 
@@ -60,13 +61,14 @@ class BlockPiece:
     low : int
         Index of the first step of the block among all steps.
     times : (L,) array
-        Times of the steps. There can be none.
+        Times of the steps. A block can be without steps.
     sides : pair of PartsSide
         Truth and estimate.
     spans : pair of slice
-        Slice of the times of each side that are read.
+        For each side, the slice of its times that are read.
     step : pair of int arrays
-        For each side: step in the block of each time that is read, counted from 0; -1 for no step.
+        For each side and each time that is read, the index of its step in the block; -1 if the time
+        is at no step.
     """
 
     low: int
@@ -83,7 +85,8 @@ class BlockPiece:
     def at(self, which: int, trajectories: Trajectories) -> tuple[Trajectories, int]:
         """Return the rows of a side that are at steps, and their number.
 
-        `trajectories` has all rows that were read for the side (0 is the truth, 1 the estimate).
+        `which` is 0 for the truth and 1 for the estimate. `trajectories` has all rows that were
+        read for this side.
         """
         step = self.step[which]
         on = step >= 0
@@ -97,7 +100,7 @@ class BlockPiece:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockPlan:
-    """Steps of an evaluation, and the times of both sides, to divide them into blocks.
+    """Plan of the blocks: all steps of an evaluation, and how the times of both sides match them.
 
     Parameters
     ----------
@@ -106,7 +109,7 @@ class BlockPlan:
     sides : pair of PartsSide
         Truth and estimate.
     step : pair of int arrays
-        For each side: index of the step of each time, -1 for no step.
+        For each side and each of its times, the index of the step; -1 if the time is at no step.
     request : EvaluationRequest
         Options of the evaluation.
     names : pair of str
@@ -121,7 +124,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both sides together, from each step until before the next, (T,)."""
+        """Number of rows of both sides from the time of each step until before the next, (T,)."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -132,7 +135,7 @@ class BlockPlan:
 
     @cached_property
     def timestamps(self) -> tuple[Times, ...]:
-        """Times of both sides; a time that is matched to a step is replaced by that of the step."""
+        """Times of both sides, where a time that is matched to a step is moved to the step."""
         of_sides = []
         for side, step in zip(self.sides, self.step, strict=True):
             timestamps = side.times.astype(np.result_type(side.times, self.times))
@@ -172,7 +175,7 @@ class BlockPlan:
 # Steps of both sides, from their timestamps.
 
 STAMP = "stamp"
-"""Name of the attribute with the index of each time, if times are treated as rows (`clock_of`)."""
+"""Name of the attribute that has the index of each time in the result of `clock_of`."""
 
 
 def find_steps(
@@ -181,9 +184,9 @@ def find_steps(
     request: EvaluationRequest,
     names: tuple[str, str],
 ) -> tuple[Axis, Alignment, BlockPlan]:
-    """Match the times of truth and estimate, and return the steps in three forms.
+    """Match the times of truth and estimate; return time axis, alignment, and plan of the blocks.
 
-    These are the time axis, the alignment of the times of both sides, and the plan of the blocks.
+    All three describe the steps. The alignment has the times of both sides on the steps.
 
     Parameters
     ----------
@@ -221,7 +224,7 @@ def find_steps(
 
 
 def clock_of(side: PartsSide) -> Trajectories:
-    """Return the times of a side as trajectories with a single track, a row for each time."""
+    """Return the times of a side as a single track that has a row at each time."""
     size = len(side.times)
     return Trajectories(
         step=np.arange(size, dtype=np.int32),
@@ -237,9 +240,9 @@ def clock_of(side: PartsSide) -> Trajectories:
 
 
 def _step_of(side: PartsSide, on: Trajectories) -> Ints:
-    """Return the step of each time of a side, -1 for no step.
+    """Return, for each time of a side, the index of its step; -1 if the time is at no step.
 
-    `on` has the rows of `clock_of` that are at steps.
+    `on` has the rows of the result of `clock_of` that are at steps.
     """
     step = np.full(len(side.times), -1)
     if len(on.step):
@@ -248,14 +251,14 @@ def _step_of(side: PartsSide, on: Trajectories) -> Ints:
 
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
-"""Type of a pair of tracks that are near at some step: indices of both tracks in a block, and
-number of steps at which they are near."""
+"""Type of a pair of tracks of a block that are near at some step. Its fields are the indices of
+both tracks in the block, and the number of steps of the block at which they are near."""
 
 
 def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
-    """Return both sides of a block on its steps, and the number of rows of each at steps.
+    """Align both sides of a block on its steps; also return the number of rows of each at steps.
 
     `sides` has the rows that were read for the block.
     """
@@ -285,7 +288,7 @@ class Scanned:
     at_cutoff : int
         `Problem.at_cutoff` of the block.
     counting : tuple of int
-        Result of `tracks.coverage.row_sums` for the rows of the truth that are at steps.
+        Result of `tracks.coverage.row_sums` from the rows of the truth that are at steps.
     folder : Path
         Folder of the block, which `scan` wrote.
     """
@@ -301,12 +304,13 @@ class Scanned:
     folder: Path
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read an array that is kept in a file, because it grows with the number of tracks.
+        """Read one of the arrays that grow with the number of tracks, and are kept in a file.
 
-        ``"pairs"`` are the pairs of tracks that are near at some step (type PAIR). For each truth
-        with a row at a step, ``"truth_ids"`` has its id, ``"truth_rows"`` the number of its rows,
-        and ``"truth_unjudged_rows"`` the number of its rows that are not evaluated. Arrays of
-        estimates have the same names with ``"estimate"``.
+        ``"pairs"`` has the pairs of tracks that are near at some step (type PAIR). Three arrays
+        have an element for each truth with a row at a step: ``"truth_ids"`` is its id,
+        ``"truth_rows"`` the number of its rows at steps, and ``"truth_unjudged_rows"`` the number
+        of these that are not evaluated. The arrays ``"estimate_ids"``, ``"estimate_rows"`` and
+        ``"estimate_unjudged_rows"`` are the same for the estimates.
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]
@@ -333,22 +337,23 @@ class Scanned:
 
 
 BESIDE = "beside.npz"
-"""File of a block with further values of its near pairs (parts of distances, NEES), if any."""
+"""Name of a file of a block. It has *further values* of the near pairs: parts of distances, and
+NEES. The file is only written if there are such values."""
 
 READ = "read.json"
-"""File of a block with facts about all rows that were read, for truth and estimate."""
+"""Name of a file of a block. It has facts about all rows that were read, for each side."""
 
 
 def scan(
     output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str]
 ) -> None:
-    """Read the rows of a block, search its near pairs, and write both results into a folder.
+    """Read the rows of a block, search its near pairs, and write these and facts about the rows.
 
     Parameters
     ----------
     output : str
-        Folder to write. It has the file `READ`, the near pairs (type `shards.ENTRY`), and the data
-        of `Scanned`.
+        Folder to write. It gets the file `READ`, the near pairs (type `shards.ENTRY`), and the data
+        of `Scanned`. It also gets the file `BESIDE` if there are further values.
     piece : BlockPiece
         The block.
     request : EvaluationRequest
@@ -380,7 +385,10 @@ def scan(
 
 
 def _write_block(folder: Path, low: int, fitted: AlignedPair, request: EvaluationRequest) -> None:
-    """Write the near pairs of a block, whose first step has index `low`, and data of `Scanned`."""
+    """Write the near pairs of a block, their further values, and the data of `Scanned`.
+
+    `low` is the index of the first step of the block.
+    """
     near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
@@ -414,7 +422,7 @@ def _write_block(folder: Path, low: int, fitted: AlignedPair, request: Evaluatio
 
 
 def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
-    """Return near pairs, their problem, and the further values of each pair."""
+    """Return near pairs, their problem, and the further values of each pair (see `BESIDE`)."""
     aligned, parameters = sides.alignment, request.parameters
     near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Resources(jobs=1))
     problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
@@ -455,7 +463,8 @@ def constants(
 ) -> Problem:
     """Return a problem without entries that has the error fields of the whole problem.
 
-    These are `cost_error`, `cost_slack` and `rounding`. The bounds of the whole depend on them.
+    The error fields are `cost_error`, `cost_slack` and `rounding`. They are needed for the bounds
+    of the whole problem.
     """
     parameters, none = request.parameters, np.zeros(0, np.int32)
     nothing = Trajectories.of_times(np.zeros(0), columns, "number")

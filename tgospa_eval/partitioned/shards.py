@@ -27,11 +27,13 @@ from tgospa_eval.solvers.certified import Certified
 ENTRY = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
 )
-"""Type of an entry, which is a near pair of states: global numbers of its step and tracks, its cost
-(d / c)^p, and its `marks`."""
+"""Type of an entry, which is a near pair of states. Its fields are the global numbers of the step
+and of both tracks, the cost (d / c)^p, and the bits `marks`. Before `sort_entries`, the numbers of
+the tracks are those in the block."""
 
 IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
-"""Bits in `marks` of an entry whose states are not evaluated (`metric_family.ignore_states`)."""
+"""Bits in the `marks` of an entry: its truth is ignored, its estimate is excused (see
+`metric_family.ignore_states`)."""
 
 Table = NDArray[np.void]
 
@@ -40,15 +42,15 @@ Table = NDArray[np.void]
 class PartialSums(Breakdown):
     """Costs and lower bound of some components.
 
-    Arrays over L steps begin at the step `first`. Only states with a near pair in these components
-    are counted.
+    Arrays (L,) have an element for each of L steps, beginning at the step `first`. Only states with
+    a near pair in these components are counted.
 
     Parameters
     ----------
     first : int
         First of the L steps.
     truths, estimates : (L,) int arrays
-        Number of these states at each step that are evaluated.
+        Number of truths and of estimates at each step that have a near pair and are evaluated.
     lower : (N,) float array
         Summands of a proven lower bound of the cost.
     iterations : int
@@ -77,7 +79,7 @@ class PartialSums(Breakdown):
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Lower and upper bound, for the display of progress: they are not rounded outward."""
+        """Lower and upper bound, not rounded outward. They are only used to show the progress."""
         return math.fsum(self.lower), self.total
 
 
@@ -90,7 +92,7 @@ def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) ->
 
     `part` has the part of each row, from 0 to parts - 1. Rows of a part keep their order.
     """
-    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # 16 bits are sorted faster
+    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # NumPy sorts 16 bits faster
     first = np.zeros(parts + 1, np.int64)
     np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
     np.save(folder / f"{name}.first.npy", first)
@@ -118,14 +120,15 @@ def sort_entries(
     scanned : str
         Folder of the block, which `scan` wrote.
     numbers : pair of str
-        Files with the global numbers of the block's truths and of its estimates.
+        File with the global numbers of the block's truths, and file with those of its estimates.
     shard_of_truth : str
         File with the shard of each truth.
     shards : int
         Number of shards.
     """
     entry = np.load(Path(scanned) / "entries.npy")
-    # Tracks of a block are in the order of their global numbers, so entries remain sorted.
+    # The tracks of a block are in the order of their global numbers. For this reason, entries
+    # remain sorted when the numbers are replaced.
     for name, path in zip(("truth", "estimate"), numbers, strict=True):
         entry[name] = np.load(path)[entry[name]]
     shard = np.load(shard_of_truth, mmap_mode="r")[entry["truth"]]
@@ -143,7 +146,8 @@ SWITCHED = np.dtype(
 
 
 NO_TIME = 1e-3
-"""Time limit in seconds that is so short that the solver only computes simple bounds."""
+"""Time limit in seconds for a solver that begins after the deadline. The limit is so short that the
+solver only computes simple bounds."""
 
 
 def solve_shard(
@@ -170,7 +174,8 @@ def solve_shard(
     solver : Certified
         Solver with its settings.
     end : float, optional
-        Deadline on the clock of `time.time()`. The bounds that are reached by then are written.
+        Deadline, as a value of `time.time()`. The solver stops at this time, and the bounds that it
+        has reached are written.
     """
     entry = np.concatenate([load_part(Path(folder), "entries", number) for folder in folders])
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
@@ -178,7 +183,7 @@ def solve_shard(
     problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    if end is not None:  # its precision depends on the clocks of the machines in a cluster
+    if end is not None:  # in a cluster, clocks differ between machines, and so does the deadline
         solver = replace(solver, time_limit=max(end - time.time(), NO_TIME))
     solution = solver(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
@@ -231,14 +236,14 @@ def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
 def problem_of(
     entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
-    """Return the problem of some entries. Its states are only those that have an entry.
+    """Return the problem of some entries. States without an entry are not in the problem.
 
     Parameters
     ----------
     entry : array of ENTRY
         Entries sorted by (step, truth, estimate).
     first : int
-        Global number of the step that becomes step 0 of the problem.
+        Global number of the first step of the problem, which is step 0 there.
     numbers : pair of int arrays
         Global numbers of the problem's truths and of its estimates, sorted.
     parameters : Parameters
@@ -259,7 +264,7 @@ def problem_of(
     ):
         track = np.searchsorted(known, entry[name]).astype(np.int64)
         key = step.astype(np.int64) * len(known) + track
-        if name == "truth":  # entries of a truth at a step are consecutive
+        if name == "truth":  # the entries of a truth at a step are next to each other
             fresh = np.diff(key, prepend=-1) != 0
             row, key = np.cumsum(fresh) - 1, key[fresh]
         else:
@@ -293,8 +298,8 @@ def tables_of(
 ) -> dict[str, Table]:
     """Return the tables of assigned pairs and of switches, by the names of their files.
 
-    `weights` is a feasible assignment. `first` and `numbers` are those of `problem_of`. The tables
-    have global numbers of steps and tracks.
+    `weights` is a feasible assignment. `first` and `numbers` are the arguments of `problem_of` from
+    which the problem was made. The tables have global numbers of steps and tracks.
     """
     truths, estimates = numbers
     used = read_assigned(states, weights)

@@ -1,8 +1,9 @@
 """One side that is read in parts: all its times at once, and its rows block by block.
 
-The rows of a block are those that `formats.read` would return for this range of time, from one file
-with all rows. The format of the files, their order, and overlaps of their times make no difference.
-The *index* of a side is a folder with its distinct times and its rows sorted by time (see `runs`).
+A side may have many files. A block has the same rows as if all files were one file, and
+`formats.read` had read the range of time of the block from it. The format of the files, their
+order, and overlaps of their times make no difference. The *index* of a side is a folder with its
+distinct times and its rows sorted by time (see `runs`).
 """
 
 import hashlib
@@ -60,7 +61,8 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
-"""Assumed number of bytes of a line of text. If lines are longer, runs have fewer rows."""
+"""Assumed number of bytes of a line of text. If the lines of a file are longer than this, runs have
+fewer rows."""
 
 MIN_TEXT, MAX_TEXT = 1 << 12, 1 << 26
 """Smallest and largest number of bytes of text that are read at once."""
@@ -112,9 +114,9 @@ def index_side(
     Raises
     ------
     InputError
-        A row is wrong, or a file is damaged or has other columns than the first file.
+        A row is wrong, a file is damaged, or the columns of a file differ from those of the first.
     ConfigError
-        Times cannot be converted, or the times of the option ``--time`` are of another kind.
+        Times cannot be converted, or the option ``--time`` has times of another kind than the side.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
     tasks: dict[str, Task] = {
@@ -159,7 +161,7 @@ def table_pieces(
     options: ReadOptions,
     rows_together: int,  # noqa: ARG001  (same signature as `text_pieces`)
 ) -> list[tuple[FilePiece, int]]:
-    """Return the row groups of Parquet files as pieces, and the number of rows of each.
+    """Return the row groups of Parquet files as pieces, each with its number of rows.
 
     Row groups without rows are left out.
     """
@@ -178,7 +180,7 @@ def table_pieces(
 def text_pieces(
     files: Sequence[File], options: ReadOptions, rows_together: int
 ) -> list[tuple[FilePiece, int]]:
-    """Divide CSV files into pieces; return them, and the approximate number of rows of each."""
+    """Divide CSV files into pieces; return each piece with its approximate number of rows."""
     size = min(max(rows_together * BYTES_OF_LINE, MIN_TEXT), MAX_TEXT)
     pieces = []
     first = side_roles("csv", files[0], options)
@@ -198,12 +200,12 @@ def text_pieces(
 
 
 def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
-    """Check that a file has the columns of the first file.
+    """Check that the columns that are read from a file are those that are read from the first.
 
     Raises
     ------
     InputError
-        The file has other columns.
+        Other columns are read from the file.
     """
     if columns_in_use(roles) == columns_in_use(first):
         return
@@ -223,7 +225,9 @@ def columns_in_use(roles: Roles) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSteps:
-    """Distinct times of a side within the requested range of time, and the runs with its rows.
+    """Distinct times of a side, and the folders of the runs that have its rows.
+
+    Times outside the requested range of time are left out.
 
     Parameters
     ----------
@@ -234,9 +238,9 @@ class SideSteps:
     counts : (T,) int64 array
         Number of rows at each time.
     labels : (T,) array of bytes, optional
-        Texts that display the converted times, in UTF-8, if times are not numbers.
+        If times are not numbers: texts for the display of the converted times, in UTF-8.
     texts : (T,) array of bytes, optional
-        Texts of the times in the files, in UTF-8, if times are not numbers.
+        If times are not numbers: the times as they are written in the files, in UTF-8.
     converted : bool
         Whether `times` differ from `raw`.
     clock : {"number", "local", "zoned"}
@@ -246,7 +250,8 @@ class SideSteps:
     classes : list of str
         Classes of all rows, if an option needs classes or attributes; else empty.
     left_out : dict of str to int
-        Number of rows outside the requested range of time, with the key ``"time"``, if any.
+        Under the key ``"time"``, the number of rows outside the requested range of time. The dict
+        is empty if there are none.
     runs : list of str
         Folders of the runs.
     ends : (N, 2) array
@@ -267,7 +272,7 @@ class SideSteps:
     ends: Floats | Ints
 
     def read_as(self, time: float) -> str | float:
-        """Return, for a time in `times`, the number or text in the files."""
+        """Return the number or the text that the files have for a time in `times`."""
         at = int(np.searchsorted(self.times, time))
         read: str | float = self.raw[at].item() if self.texts is None else self.texts[at].decode()
         return read
@@ -309,7 +314,7 @@ def _save_steps(
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """Read the times of a side from its index. Arrays are mapped from their files, not copied.
+    """Read the times of a side from its index. The arrays are memory maps of files.
 
     Raises
     ------
@@ -361,7 +366,7 @@ class PartsSide:
     clock : {"number", "local", "zoned"}
         Kind of the times. If the side has no times, it is the kind of the other side.
     marked : callable, optional
-        Function that marks the states in a reading that are ignored.
+        Function that receives a reading, and returns it with marks at its ignored states.
     """
 
     path: str
@@ -399,9 +404,10 @@ class PartsSide:
         return None if labels is None else decoded(labels)
 
     def read(self, first: float, last: float) -> Reading:
-        """Read the rows from time `first` to `last`, both included, and count rows left out.
+        """Read the rows from time `first` to `last`, both included.
 
-        The result has no notices: `said` returns them when the counts of all blocks are known.
+        The result also has the numbers of rows that options leave out. It has no notices, because
+        they need these numbers of all blocks together (see `said`).
 
         Raises
         ------
@@ -420,7 +426,8 @@ class PartsSide:
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
         ids = rows.ids
-        # In a file, -1 as the only id is an error. Other blocks can have more ids: see `check_ids`.
+        # `assemble` raises an error if -1 is the only id. Other blocks can have other ids, so an
+        # unused id is added here, and `check_ids` checks the ids of all blocks together.
         if [*ids[0][:2]] == ["-1"]:
             ids = np.array(["-1", ""], dtype=object), ids[1]
         rows = replace(
@@ -452,7 +459,7 @@ class PartsSide:
         Parameters
         ----------
         left_out : mapping of str to int
-            Number of rows that are left out in all blocks, for each rule that leaves rows out (see
+            For each rule that leaves rows out, the number of these rows in all blocks together (see
             `Reading.left_out`).
         """
         which = self.options.on_duplicate
@@ -471,19 +478,19 @@ class PartsSide:
         return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
-        """Check that the ids of all blocks together are not those of a file of detections.
+        """Check that the ids of all blocks together are not only -1, as in files of detections.
 
         Raises
         ------
         InputError
-            The only id is -1, as in files of detections.
+            The only id is -1.
         """
         only = ids[0] if len(ids) == 1 else ""
         if only == "-1" and self.steps.rows > 1 and self.options.on_duplicate == "error":
             raise InputError(only_detections(self.path))
 
     def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
-        """Yield the rows of each run in a range of time, in the order of the files."""
+        """Yield the rows in a range of time, one run after the other, in the order of the files."""
         steps = self.steps
         first, last = steps.ends.T
         for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
@@ -501,7 +508,7 @@ def open_side(
     rows_together: int,
     run: Run,
 ) -> PartsSide:
-    """Open a side that is read in parts, and make its index if there is none.
+    """Open a side that is read in parts. Make its index, unless the folder of work has one.
 
     Parameters
     ----------
@@ -510,10 +517,10 @@ def open_side(
     options : ReadOptions
         Options for reading the files.
     role : {"truth", "estimate"}
-        Which side it is.
+        Role of the side.
     work : Path
-        Folder for indices. If it has an index of the same files, options and `rows_together`, this
-        is used.
+        Folder for indices. An index that is already in it is used if its files, options and
+        `rows_together` are the same.
     rows_together : int
         Approximate number of rows of the blocks that will be read.
     run : callable
@@ -555,13 +562,16 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
 
 
 def _settled(options: ReadOptions) -> ReadOptions:
-    """Return the options without conversion and filter of times, because both are done already."""
+    """Return the options without conversion and filter of times.
+
+    Both are done when the index is written.
+    """
     conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
     return replace(options, time=None, conversion=conversion)
 
 
 def _labelled(block: Trajectories, labels: NDArray[np.object_]) -> Trajectories:
-    """Return the rows of a block with labels of the times, without checking the rows again."""
+    """Add labels of the times to the rows of a block, without checking the rows again."""
     part = object.__new__(Trajectories)
     vars(part).update(vars(block), labels=labels)
     freeze(part)

@@ -1,8 +1,9 @@
 """Tables of a result, written as Parquet in chunks, with one chunk in memory at a time.
 
 A table has the same columns, and rows in the same order, as the CSV file of the same name
-(docs/reference/result-tables.md). This module reads arrays that `shards` wrote. They have costs in
-units of c^p, and global numbers of tracks and steps. Tables have the units and names of the user.
+(docs/reference/result-tables.md). This module makes tables from the arrays that `shards` wrote.
+The arrays have costs in units of c^p, and global numbers of tracks and steps. In the tables, costs
+have the user's units. Tracks and steps have the ids and times of the user.
 """
 
 import itertools
@@ -39,14 +40,14 @@ ROW_GROUP = 1 << 17
 """Number of rows of a row group. Writers and readers have one row group in memory at a time."""
 
 REPEATED = ("t", "weight", "mass")
-"""Columns of doubles that have few distinct values. They are stored with a dictionary of these
-values. Other columns of doubles are smaller and faster to write without a dictionary."""
+"""Names of columns of doubles that have few distinct values. Parquet stores them with a dictionary
+of these values. Other columns of doubles are smaller, and faster to write, without a dictionary."""
 
 
 Names: TypeAlias = Mapping[str, NDArray[Any]]
 """Names of steps and tracks: ``times`` has the displayed time of each step, and ``truths`` and
-``estimates`` have the id of each track. Texts are not Python objects, so that the arrays can be
-mapped from files."""
+``estimates`` have the id of each track. Arrays of texts have a NumPy text type, not Python objects,
+so that they can be memory maps of files."""
 
 
 def _write_columns(path: str, columns: Arrays) -> None:
@@ -92,8 +93,8 @@ def write_table(
 ) -> None:
     """Write a table under a temporary name, and rename it at the end.
 
-    All row groups have `ROW_GROUP` rows, except the last. So the bytes of the file do not depend on
-    the sizes of the chunks.
+    All row groups except the last have `ROW_GROUP` rows. As a result, the bytes of the file do not
+    depend on the sizes of the chunks.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def write_table(
         columns = columns_of(chunk).items()
         return pa.RecordBatch.from_pydict(
             {
-                k: _array(v, v != v if v.dtype.kind == "f" else None)  # NaN becomes blank
+                k: _array(v, v != v if v.dtype.kind == "f" else None)  # NaN becomes a missing value
                 if isinstance(v, np.ndarray)
                 else v
                 for k, v in columns
@@ -166,8 +167,8 @@ def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Ite
 def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     """Return texts or numbers as an Arrow array, with missing values where `absent` is True.
 
-    It is built from buffers. The reason is that `pyarrow.array` imports pandas, which takes 45 MB
-    in each process.
+    The array is built from buffers. `pyarrow.array` is not used, because it imports pandas, which
+    takes 45 MB in each process.
     """
     import pyarrow as pa
 
@@ -175,7 +176,7 @@ def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     if names.dtype.kind in "iuf":
         kind = pa.from_numpy_dtype(names.dtype)
     else:
-        # The last conversion ensures the type, also if there are no names.
+        # `astype` ensures that the type is bytes, also if there are no names.
         coded = np.char.encode(names.astype(np.str_), "utf-8").astype(np.bytes_)
         length = np.char.str_len(coded)
         letters = coded.view(np.uint8).reshape(len(coded), coded.itemsize)
@@ -218,8 +219,8 @@ def write_part(
     pieces : sequence of str
         Files of ASSIGNED_PAIR, each sorted by time.
     edges : (n + 1,) int array
-        First step of each of n ranges of steps, and the end. Each range has about `ROWS_AT_ONCE`
-        rows.
+        First step of each of n ranges of steps, and the end of the last range. Each range has about
+        `ROWS_AT_ONCE` rows.
     names : str
         Folder with the arrays of `Names`, in files such as ``truths.npy``.
     parameters : Parameters
@@ -255,7 +256,7 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
     """Yield the rows of all pieces sorted by `ORDER`, one range of steps at a time.
 
     `pieces` are files with arrays sorted by time. `edges` has the first step of each range, and the
-    end. Ranges without rows are left out.
+    end of the last range. Ranges without rows are left out.
     """
     opened = [np.load(piece, mmap_mode="r") for piece in pieces]
     for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
@@ -265,7 +266,7 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
-        for rows in opened:  # free pages of mapped files, which count as memory of the process
+        for rows in opened:  # free the pages read so far, which count as memory of the process
             if hasattr(rows.base, "madvise"):
                 rows.base.madvise(mmap.MADV_DONTNEED)
 
@@ -276,9 +277,9 @@ def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
 
 
 def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
-    """Return the assigned pairs of a block, with the further values that `scan` wrote for them.
+    """Return the assigned pairs of a block, with their further values (see `scan.BESIDE`).
 
-    The values are multiplied by the weights of the pairs, except NEES.
+    All further values except NEES are multiplied by the weights of the pairs.
 
     Parameters
     ----------
@@ -310,7 +311,7 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
 def sums_beside(
     pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
-    """Add up the further values of assigned pairs: by step, by truth, and by estimate.
+    """Add up the further values of assigned pairs for each step, each truth and each estimate.
 
     Parameters
     ----------
@@ -319,14 +320,14 @@ def sums_beside(
     sizes : sequence of int
         Numbers of steps, truths and estimates.
     components : int
-        Number of components of a state.
+        Number of state columns.
 
     Returns
     -------
     dict of dict of arrays
-        Columns by name, for each of `ORDER`.
+        For each name in `ORDER`, the columns of sums by their names.
     NeesSums or None
-        Sums of NEES over all pairs, if there are any.
+        Sums of NEES over all pairs; None if the pairs have no NEES.
     """
     by: dict[str, Arrays] = {index: {} for index in ORDER}
     nees: list[NeesSums] = []
@@ -354,7 +355,7 @@ def sums_beside(
 
 
 def _first(rows: NDArray[np.void], step: int) -> int:
-    """Return the index of the first row of this step or of a later step."""
+    """Return the index of the first row that is not before `step`."""
     return bisect_left(rows, step, key=_step)
 
 
@@ -414,10 +415,9 @@ def write_tables(
     assigned : sequence of Path
         Files of assigned pairs, each sorted by time.
     further : mapping
-        Further columns of the tables of steps, truths and estimates, by the names in `ORDER`.
+        Further columns: for each name in `ORDER` (step, truth, estimate), those of this table.
     assignments : bool
-        Whether to fill the table of assigned pairs, which is as long as the data. If not, the
-        table has no rows.
+        Whether the table of assigned pairs has rows. With rows, it is as long as the data.
 
     Raises
     ------

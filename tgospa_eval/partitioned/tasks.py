@@ -1,6 +1,6 @@
 """Tasks that write one output each.
 
-After an interruption, work continues where it ended: tasks whose output exists are skipped.
+When work begins again after an interruption, a task is skipped if its output exists.
 """
 
 import os
@@ -18,20 +18,23 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.quoting import option
 
 REMOVED = ".removed-"
-"""Prefix of folders whose content is being removed."""
+"""Prefix of the names of folders that are being removed."""
 
 
 Task = Callable[[str], None]
-"""Function that receives a path and writes a file or folder there, its output. It must be
-picklable."""
+"""Function that receives a path, and writes its output (a file or a folder) to this path. It must
+be picklable."""
 
 Run = Callable[[Mapping[str, Task]], None]
-"""Function that does tasks in any order. It receives the tasks by the paths of their outputs, and
-skips tasks whose output exists."""
+"""Function that does tasks in any order. Its argument is a mapping from the path of each output to
+its task. A task is skipped if its output exists."""
 
 
 def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
-    """Do a task; return the path of its output, and False, because its process did not die."""
+    """Do a task; return the path of its output, and False.
+
+    False means that the process of the task did not die (see `_lost`).
+    """
     output, task = job
     if not os.path.exists(output):
         task(output)
@@ -53,11 +56,12 @@ def run_tasks(
     Parameters
     ----------
     tasks : mapping of str to Task
-        Tasks by the paths of their outputs, in the order in which they begin. A task must write its
-        output at once, by `writing` or `writing_folder`.
+        Tasks by the paths of their outputs. Tasks begin in this order. An output must appear at its
+        path only when it is complete: tasks write it by `writing` or `writing_folder`.
     engine : PersistentPool, optional
-        Pool that does the tasks. This process does them until the pool's `patience`, in seconds of
-        work, is used up. By default this process does all tasks.
+        Pool that does the tasks. This process works first, until it has worked for as many seconds
+        as the `patience` of the pool. Then the pool does the rest. By default, this process does
+        all tasks.
     done : callable
         Function that receives the path of each output as soon as it exists.
 
@@ -94,8 +98,9 @@ def run_tasks(
 def removing(work: Path, but: str = "") -> Iterator[None]:
     """Remove the folders in a folder of work, except the one named `but`.
 
-    The folders are moved aside before the body of the ``with`` runs, and removed after it.
-    Otherwise an interruption could leave a partly removed folder that looks like finished work.
+    The folders are renamed before the body of the ``with`` runs, and removed after it. The reason
+    is that a folder that is only partly removed, after an interruption, would look like finished
+    work.
 
     Raises
     ------

@@ -4,13 +4,14 @@ The letters of the mathematics are those of docs/theory/notation.md. Sizes of ar
 are explained in `problem.states`.
 
 Compiled kernels do the work, or NumPy with the same results, for all blocks of a problem.
-This module imports no solver, so that no solver grades its own work.
-Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
+This module imports no solver: the proof must not depend on the code that made the proposal.
+First, weights are rounded to multiples of 1/ONE. These are stored as integers, so that the check of
+feasibility is exact.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
 Blocks (connected parts of the problem) may be solved at a smaller cutoff. Let V(C) be the optimum
-of a block at C = c^p. At step k the block has m_k true objects and n_k estimates, and nu_k is the
-largest number of near pairs that can be assigned at once. Then
+of a block at C = c^p. At step k the block has m_k true objects and n_k estimates. Let nu_k be the
+largest number of near pairs of step k without a common object or estimate. Then
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1,
 
@@ -74,10 +75,10 @@ class UnassignedPrices:
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
         """Return ``A (m - g) + B (n - g)`` for each block, as a list of terms, rounded down.
 
-        This is the price of leaving everything in a block unassigned except g pairs. The block has
-        m states of true objects, with the price A each, and n states of estimates, with the price B
-        each. All blocks must have the same A and B, so that `alike` is not None. If A = B the list
-        has one term. Otherwise it has one for the truth and one for the estimate.
+        A block has m states of true objects with the price A, and n states of estimates with the
+        price B. If g pairs are assigned, the formula is the price of all states that are left.
+        All blocks must have the same A and B (the attribute `alike` is not None). If A = B, the
+        list of a block has one term. Otherwise it has two: for the truth and for the estimate.
 
         Parameters
         ----------
@@ -95,7 +96,10 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Return two costs, rounded down: of all true objects and of all estimates outside blocks."""
+    """Return the cost of all true objects that are in no block, and that of all such estimates.
+
+    Both costs are rounded down.
+    """
     totals = [0.0, 0.0]
     for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
         if (unpaired := blocks < 0).any():
@@ -108,12 +112,12 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Integer prices are split into a multiple of this number and a remainder. Sums of the two halves
-do not overflow."""
+"""Divisor that splits an integer price into quotient and remainder. They are summed separately,
+because sums of whole prices could overflow."""
 
 TERMS_TOGETHER = 64
-"""Number of terms of a cost in one group. The terms of a group are added with rounding. Then the
-sums of the groups are added exactly."""
+"""Number of terms of a cost in one group. Within a group, terms are added with rounding. The sums
+of the groups are then added exactly."""
 
 LARGEST_PRICE = 1e100
 """Largest price that a proof uses; larger prices count as 0."""
@@ -135,7 +139,7 @@ def certify(
     solution : Solution
         Proposed weights and prices.
     consume : bool
-        Whether the assignment may overwrite the memory of the proposed weights.
+        Whether the memory of the proposed weights may be overwritten by the assignment.
 
     Returns
     -------
@@ -173,8 +177,8 @@ def prove(
     weights : (S,) int array
         The feasible assignment, in units of 1/ONE.
     lower : (B,) float array
-        Lower bound of the cost of each block. The block's objects count at all steps, also outside
-        the window of the block.
+        Lower bound of the cost of each block. It includes the cost of the block's objects at all
+        steps, also outside the window of the block.
     Breakdown
         Cost of the assignment.
     """
@@ -184,7 +188,10 @@ def prove(
 
 
 def feasible(states: States, proposed: Floats) -> Ints:
-    """Return a feasible assignment (S,), in units of 1/ONE, which overwrites the proposed one."""
+    """Return a feasible assignment near the proposed one, (S,), in units of 1/ONE.
+
+    If possible, the result has the memory of `proposed`, which is then overwritten.
+    """
     given = np.require(proposed, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     for low, high in states.cuts(PART):
@@ -195,19 +202,19 @@ def feasible(states: States, proposed: Floats) -> Ints:
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """Return ``(L - s) / (1 + delta)``: a lower bound for exact costs, from L for computed costs.
+    """Return ``(L - s) / (1 + delta)``, a lower bound for exact costs.
 
-    The relative error of all costs and switch prices is at most delta = `cost_error`. So the
-    optimum, a weighted sum of them with weights >= 0, has at most the same relative error. The sum
-    of computed costs may also be too large by s = `cost_slack` (docs/theory/certificate.md,
-    "Rounding").
+    L, the argument `bound`, is a lower bound for the computed costs. All costs and switch prices
+    are computed with a relative error of at most delta = `cost_error`. The optimum is a sum of
+    them with weights >= 0, and therefore has no larger relative error. The sum of computed costs
+    may also be too large by s = `cost_slack` (docs/theory/certificate.md, "Rounding").
     """
     lower = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
     return max(lower * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """Return ``U (1 + 72 u) / (1 - delta)``: an upper bound for exact costs, from the total U.
+    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound for exact costs. U is the total.
 
     The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U. Each term is off by at most 3 u,
     and adding `TERMS_TOGETHER` = 64 terms by at most 63 u more. The other 6 u are for the
@@ -220,8 +227,8 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Return a lower bound of the cost of each block, (B,), from proposed prices.
 
-    The blocks in `reduced` were solved at one or more smaller cutoffs (`reduce_cutoff`). Their
-    bound is the best that these solutions prove.
+    The blocks in `reduced` were solved at one or more smaller cutoffs (`reduce_cutoff`). For such a
+    block, `prices` are not used: its bound is the largest that these solutions prove.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -253,16 +260,16 @@ def _bounds_of_prices(
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
     The best pair of a row at a step is the one with the largest gain minus price. "sum_best" is the
-    sum over these pairs, for all rows and steps. best_i is the value of the best path of row i with
-    the `relative_gains`. No digits cancel: each parenthesis is an exact sum, or a difference of
-    integers.
+    sum over the best pairs of all rows and steps. best_i is the value of the best path of row i if
+    the value of each state is its element of `relative_gains`. No digits cancel: each parenthesis
+    is an exact sum, or a difference of integers.
 
-    `states` has some consecutive blocks of the whole, of which `low` is the first. `objects` has
-    the prices of the whole.
+    `states` has some consecutive blocks of the whole problem; the first is block `low` of the
+    whole. `objects` has the prices of the whole.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    left = np.ones(len(prices), np.int32)  # 1 minus the number of best pairs in each slot
+    left = np.ones(len(prices), np.int32)  # becomes 1 minus the number of best pairs in each slot
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -299,9 +306,9 @@ def row_terms(
 ) -> tuple[Floats, Floats, Floats, Ints]:
     """Return the terms that some rows contribute to a lower bound, for each node.
 
-    The best pair of each row and step is put aside, to be counted separately. For each of these
-    pairs, `left` decreases by 1 at the column slot of the pair. `running` has the running sums of
-    the prices, from `Slots.running`.
+    The best pair of each row and step is *put aside*: its cost and price are counted separately.
+    For each of these pairs, `left` decreases by 1 at the column slot of the pair. `running` has the
+    running sums of the prices, from `Slots.running`.
 
     Returns
     -------
@@ -329,7 +336,7 @@ def row_terms(
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
     """Return the cost of the best pair of each row and step, or 0 if there is no such pair.
 
-    `left` decreases by 1 at the column slot of each of these pairs.
+    For each best pair, `left` decreases by 1 at the column slot of the pair, if it has one.
     """
     columns = rows.columns
     if kernels:
@@ -355,7 +362,11 @@ def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
 
 
 def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
-    """Return ``-sum (left v)`` of each node, rounded down, as two summands that do not overflow."""
+    """Return ``-sum (left v)`` over the slots of each node, rounded down.
+
+    The prices v come from `running`. The result has two summands for each node, because integer
+    sums could overflow otherwise.
+    """
     if kernels:
         prices: Floats = kernels.idle_prices(*running, left, first)
         return prices
@@ -366,10 +377,10 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """Return lower bounds of the blocks, (B,), from their bounds `inner` at a smaller cutoff.
+    """Return lower bounds of the blocks, (B,), from bounds at a smaller cutoff.
 
-    This is the inequality in the docstring of the module, with `inner` as bounds of V(s C). The
-    result is 0 for blocks that are not in `part`.
+    They follow from the inequality in the docstring of the module. There, V(s C) is replaced by its
+    lower bound, from `inner`. The result is 0 for blocks that are not in `part`.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -426,9 +437,9 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 def break_down_parts(states: States, weights: Ints, bounds: Sequence[Ints]) -> Iterator[Breakdown]:
     """Yield the breakdown of each part of a problem, computed by the kernels.
 
-    The parts follow each other in time. `bounds` has four arrays (parts + 1,): first pair, first
-    truth row, first estimate row and first step of each part. The last element of each array is the
-    end of the last part.
+    The parts follow each other in time. `bounds` has four arrays (parts + 1,): index of the first
+    pair, first truth row, first estimate row and first step of each part. The last element of each
+    array is the end of the last part.
     """
     costs, terms = kernels.break_down(states, weights, ONE, bounds)
     steps = bounds[-1].tolist()
@@ -478,14 +489,15 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Largest switch price. Higher prices are lowered to it, which does not change the optimum."""
+"""Largest switch price at a smaller cutoff. A higher price would have the same optimum, and is
+replaced by this one."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
     """Return some blocks as a separate problem at a smaller cutoff.
 
     Its costs are in units of ``scale c^p``, where `scale` < 1 is a power of 2. Rows and tracks keep
-    their numbers. All true objects must have the same price, and so must all estimates
+    their numbers. All true objects must have one price A, and all estimates one price B
     (`Problem.object_prices`).
     """
     problem = states.problem
@@ -514,9 +526,10 @@ def _entries(states: States, blocks: Mask) -> Ints:
 def forced_cost(states: States, blocks: Mask) -> Floats:
     """Return ``sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` for each of these blocks, (B,).
 
-    It is in units of c^p, and 0 for other blocks; the docstring of the module explains the letters.
-    A vertex cover of the near pairs of step k has at least nu_k rows. A smallest one has exactly
-    nu_k rows (König's theorem).
+    The docstring of the module explains the letters. The result is in units of c^p, and 0 for
+    blocks outside the mask. In place of nu_k, the number of rows of a vertex cover of the near
+    pairs of step k is used. A smallest cover has exactly nu_k rows (König's theorem). Any other
+    cover has more, so that the result would be smaller.
     """
     problem = states.problem
     count = len(states.block_begin)
@@ -542,9 +555,10 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
     """Return a smallest vertex cover of the near pairs of some blocks.
 
-    A vertex cover is a set of rows with at least one row of each near pair. The result is a mask of
-    truth rows and a mask of estimate rows. It is computed from a largest matching. If a check shows
-    that it does not cover all near pairs, all rows are returned instead.
+    A vertex cover is a set of truth rows and estimate rows that has at least one of the two rows of
+    each near pair. The result is a mask of truth rows and a mask of estimate rows, computed from a
+    largest matching. If a check shows that some near pair is not covered, all rows are returned
+    instead.
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -566,7 +580,8 @@ def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Ma
         (np.ones(len(truth), np.int8), (row, column)), shape=(truths, estimates)
     )
     partner = maximum_bipartite_matching(graph, perm_type="column")
-    # Follow alternating paths from unmatched truth rows: any pair forward, a matched pair back.
+    # Follow alternating paths from all unmatched truth rows: along any pair to an estimate row, and
+    # along a matched pair back to a truth row.
     reached = partner < 0
     paired = np.full(estimates, -1)
     paired[partner[partner >= 0]] = np.flatnonzero(partner >= 0)

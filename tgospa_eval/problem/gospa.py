@@ -1,8 +1,8 @@
-"""GOSPA of every step separately, and the switches that its assignments happen to make.
+"""GOSPA of every step by itself, and the switches between the assignments of these steps.
 
-This is not a metric between trajectories. Each step is assigned independently of the other steps.
-Then the changes from step to step are counted, by the rules of Stone Soup and of MathWorks. This
-module imports no solver. `Problem` explains truth rows and entries.
+GOSPA is not a metric between trajectories: each step is assigned independently of the other steps.
+Afterwards, the changes from step to step are counted, by the rules of Stone Soup and by those of
+MathWorks. This module imports no solver. `Problem` explains truth rows and entries.
 """
 
 from collections.abc import Iterator
@@ -14,15 +14,15 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
-"""A matrix of all pairs is dense if it has at most this number of elements."""
+"""Largest number of elements of a matrix of all pairs that is always stored as a dense matrix."""
 
 SPARSE_RATIO = 8
-"""A larger matrix is also dense if it has at most this number of elements for each near pair."""
+"""Largest number of elements for each near pair of a larger matrix that is also stored as dense."""
 
 
 Switched = tuple[Floats, Floats]
-"""Number of switches into each step, and number of changes from or to "none" (half switches) among
-them: two arrays (T,)."""
+"""Two arrays (T,): number of switches into each step, and the number of changes from or to "none"
+among these. In the first array, a change from or to "none" counts as half a switch."""
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
@@ -31,8 +31,8 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
     The p-th power of GOSPA is the smallest cost of a partial assignment. An assigned pair costs
     min(d, c)^p, and an object without partner c^p / 2 (Rahmathullah, García-Fernández and Svensson,
     2017). Connected components of the near pairs of a step are assigned separately. If several
-    assignments have the smallest cost, the one that SciPy returns is used. SciPy receives the
-    objects in the order of their rows.
+    assignments have the smallest cost, the result is the one that SciPy returns for the objects in
+    the order of their rows.
 
     Returns
     -------
@@ -54,7 +54,8 @@ def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
 def _cheapest(problem: Problem) -> Iterator[Ints]:
     """Yield the entries of a cheapest assignment of all steps.
 
-    The first array has those of all components with one pair. Each other component has its array.
+    The first array has the entries of all components with a single pair. Then there is an array for
+    each other component.
     """
     rows, columns = problem.truth_row, problem.estimate_row
     truths = len(problem.truth_step)
@@ -62,7 +63,9 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    unpaired = problem.pair_price  # costs are used if possible: gains lose digits of tiny costs
+    # The loss is the cost, if A + B is the same for all pairs. If not, it is minus the gain, which
+    # loses digits of tiny costs.
+    unpaired = problem.pair_price
     losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
@@ -71,11 +74,11 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
 
 
 def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
-    """Return the indices of the pairs to assign.
+    """Return the indices of the pairs to assign at the smallest total cost.
 
-    `unpaired` is the cost of leaving both objects of a pair unassigned. The cost `loss` of every
-    pair must be less. The choice has the smallest total cost among all choices that use each row
-    and each column at most once.
+    Each row and each column is used at most once. `loss` is the cost of each pair if it is
+    assigned. `unpaired` is the cost of leaving both objects of a pair unassigned. It must be larger
+    than every element of `loss`.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 
@@ -94,12 +97,15 @@ def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> In
 def _assign_sparse(
     row: Ints, column: Ints, loss: Floats, unpaired: float, shape: tuple[int, int]
 ) -> Ints:
-    """Compute `assign_pairs` with a sparse matrix: an extra column of each row is "unassigned"."""
+    """Compute `assign_pairs` with a sparse matrix.
+
+    Each row has a column of its own that means "unassigned".
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     own = np.arange(shape[0])
-    shift = 1.0 - loss.min()  # a stored weight of 0 would count as no pair
+    shift = 1.0 - loss.min()  # makes all weights positive: SciPy would treat 0 as "no pair"
     weight = np.concatenate((loss, np.full(shape[0], unpaired))) + shift
     graph = csr_array(
         (weight, (np.concatenate((row, own)), np.concatenate((column, shape[1] + own)))),
@@ -121,16 +127,18 @@ def partners(problem: Problem, entries: Ints) -> Ints:
 def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as Stone Soup counts them.
 
-    The partner of a true object is compared with the last partner that was stored for it. Storing
-    begins with the first estimate that is assigned to the object; from then on "none" is stored as
-    well. Steps without any estimate are skipped. A change counts 1, a change from or to "none" 1/2.
+    At each step, the partner of a true object is compared with the last stored partner of this
+    object, and is then stored. The first partner that is stored is an estimate. After that, "none"
+    is stored as well, if the object has no partner. Steps without any estimate are skipped. A
+    change counts 1, and a change from or to "none" 1/2.
     """
     reported = np.zeros(problem.steps, bool)
     reported[problem.estimate_step] = True
     order = _by_truth(problem)
     order = order[reported[problem.truth_step[order]]]
     count = np.cumsum(track[order] >= 0)
-    # `count` runs over all true objects: for each, `before` is its value before the first row.
+    # `count` is not reset at the next true object. `before` is its value before the first row of
+    # each object.
     opens = np.diff(problem.truth_track[order], prepend=-1) != 0
     before = np.where(opens, count - (track[order] >= 0), 0)
     order = order[count > np.maximum.accumulate(before)]
@@ -141,7 +149,7 @@ def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as MathWorks describes them.
 
     The partner of a true object at a step is compared with its partner at the step before, if the
-    object exists at both steps. A change counts 1, a change from or to "none" 1/2.
+    object exists at both steps. A change counts 1, and a change from or to "none" 1/2.
     """
     order = _by_truth(problem)
     return _changes(problem, track, order, np.diff(problem.truth_step[order]) == 1)
@@ -153,10 +161,11 @@ def _by_truth(problem: Problem) -> Ints:
 
 
 def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switched:
-    """Return changes from each row to the next of the same object, booked at the later step.
+    """Return the changes of partner from each row to the next row of the same object.
 
-    `order` has truth rows sorted by object and step. `counts` is a mask of the transitions from one
-    row in `order` to the next: False for those that do not count.
+    A change counts at the later of the two steps. `order` has truth rows sorted by object and step.
+    `counts` has an element for each row in `order` and the next: False if a change between these
+    two rows does not count.
     """
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)

@@ -1,8 +1,8 @@
 """Problems of the metric family: TGOSPA, and its variants.
 
 The variants are weighted steps, objects with probabilities of existence, and ignored states. This
-module also has the parameters of the metric, and bounds of the rounding of powers. The letters are
-those of docs/theory/notation.md.
+module also has the parameters of the metric, and bounds of the rounding errors of powers. The
+letters are those of docs/theory/notation.md.
 """
 
 import math
@@ -17,14 +17,17 @@ from tgospa_eval.problem.problem import Problem
 from tgospa_eval.quoting import option
 
 POWER = 2.0**-50
-"""Largest relative error of a power of doubles, 8 units of rounding. The mathematical libraries in
-use are off by less than 2 units. Squares are rounded once."""
+"""Assumed largest relative error of a power of doubles: 8 units of rounding, of 2^-53 each. The
+mathematical libraries in use are off by less than 2 units. The square is more accurate: it is
+rounded once."""
 
 SMALLEST_RHO = 1e-6
-"""Smallest value of rho and of 1 - rho: a smaller share of c^p would lose its digits."""
+"""Smallest value of rho and of 1 - rho. If one of the two is smaller, its digits are lost when it
+is computed from the other."""
 
 SMALLEST_POWER = 1e-306
-"""Smallest positive cost and distance, near the smallest double: smaller ones are raised to it."""
+"""Smallest positive cost and distance, near the smallest double. Smaller positive values are
+replaced by it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +86,7 @@ class Parameters:
 
     @property
     def recorded(self) -> dict[str, float]:
-        """Parameters by name, as saved in results; without rho if it is 1/2."""
+        """Parameters by name, as they are saved in results. rho is left out if it is 1/2."""
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
 
     @property
@@ -98,7 +101,7 @@ class Parameters:
         return missed, 1.0 - missed
 
     def in_words(self, unit: str | None = None) -> str:
-        """Format the parameters as "c = 10 m, p = 2, gamma = 2 m", and rho if it is not 1/2."""
+        """Format the parameters as "c = 10 m, p = 2, gamma = 2 m"; rho follows if it is not 1/2."""
         after = f" {unit}" if unit else ""
         rho = "" if self.rho == 0.5 else f", rho = {self.rho:g}"
         return (
@@ -114,8 +117,8 @@ class Parameters:
     def switch_price(self) -> float:
         """Dimensionless price of half a switch, gamma^p / (2 c^p).
 
-        It is at most 1e100, because an infinite price times no switch would be NaN. The metric does
-        not change above much smaller prices.
+        It is at most 1e100: an infinite price times 0 switches would be NaN. This limit does not
+        change the metric, because the optimum is the same for all prices above a much smaller one.
         """
         try:
             return min(0.5 * math.pow(self.switch_penalty / self.cutoff, self.order), 1e100)
@@ -143,7 +146,7 @@ def tgospa_problem(
     """Build the problem ``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)``.
 
     This is the LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
-    Pairs at the cutoff or beyond are left out. Parameters that are not listed here are those of
+    Pairs at the cutoff or beyond are left out. For parameters that are not listed here, see
     `Problem`.
 
     Parameters
@@ -155,11 +158,11 @@ def tgospa_problem(
     distance_error : float
         Largest relative error of the distances.
     last_place : float
-        Largest change of a distance when the last digits of the states are rounded.
+        Largest change of a distance that rounding of the last digits of the states can cause.
     near : (N,) bool array, optional
-        Mask of the pairs that count as nearer than the cutoff. By default it has the pairs whose
-        distance is less than the cutoff. A mask is given only for `ignore_states`, which must then
-        be applied to the result.
+        Mask of the pairs that count as nearer than the cutoff. By default, these are the pairs with
+        a distance less than the cutoff. If a mask is given, the caller must pass the result to
+        `ignore_states`.
 
     Raises
     ------
@@ -205,17 +208,17 @@ def tgospa_problem(
 
 
 def _alike(price: float, size: int) -> Floats:
-    """Return `size` copies of a price in the memory of one number, like `np.broadcast_to`."""
+    """Return an array of `size` equal prices that needs the memory of one number."""
     return np.ndarray((size,), np.float64, np.array(price), strides=(0,))
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Check that powers of distances that underflow are negligible in a total cost.
+    """Check that distances whose powers underflow do not matter in the total cost `cost`.
 
     Raises
     ------
     ConfigError
-        The possible error by powers below the smallest double exceeds 1e-9 of the total cost.
+        Powers below the smallest double can change the total by more than 1e-9 of its value.
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
@@ -228,8 +231,8 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
 def _cost_error(order: float, distance_error: float) -> float:
     """Return the largest relative error of computed costs ``(d / c)^p``.
 
-    It is ``(1 + e + u)^p - 1 + 2 q``. The relative errors are e of the distance, u = 2^-53 of the
-    division, and q of the power (docs/theory/certificate.md, "Rounding").
+    It is ``(1 + e + u)^p - 1 + 2 q``. The distance has the relative error e, the division adds
+    u = 2^-53, and the power adds q (docs/theory/certificate.md, "Rounding").
     """
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
@@ -238,14 +241,21 @@ def _cost_error(order: float, distance_error: float) -> float:
 def _price_error(parameters: Parameters) -> float:
     """Return the largest relative error of the prices of a missed and of a false target.
 
-    It comes from 1 - rho, which is rounded. The subtraction 1 - (1 - rho) is exact.
+    A missed target costs 1 - rho, which is rounded. A false target costs 1 minus this rounded
+    number, and this second subtraction is exact.
     """
     missed, false = parameters.unassigned_prices
     return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
 
 def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
-    """Raise a `ConfigError` if all powers of distances, or that of the penalty, underflow."""
+    """Refuse a cutoff that is so large that powers underflow.
+
+    Raises
+    ------
+    ConfigError
+        The powers of all distances, or the power of the switch penalty, underflow.
+    """
     order, penalty = parameters.order, parameters.switch_penalty
     farthest = float(distance.max(initial=0.0))
     lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST_POWER else 0.0
@@ -268,15 +278,16 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
 # The same solvers solve all variants: only the numbers A, B, D and lambda of a `Problem` change.
 
 LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
-"""Limits of the weights of steps, which can also be 0. Beyond the limits, costs would leave the
-range of doubles."""
+"""Limits of the positive weights of steps; a weight can also be 0. Beyond these limits, costs would
+leave the range of doubles."""
 
 ROUNDED = 6 * 2.0**-53
-"""Largest relative error by multiplication with weights. Each number has at most four rounded
-products."""
+"""Bound of the relative error that weights and probabilities add. Each number comes from at most
+four rounded products."""
 
 SMALLEST_COST = 1e-300
-"""Smallest positive weighted cost, near the smallest double: smaller ones are raised to it."""
+"""Smallest positive weighted cost, near the smallest double. Smaller positive costs are replaced by
+it."""
 
 
 def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
@@ -292,7 +303,7 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
     Raises
     ------
     ConfigError
-        A weight is negative, not finite, too large or too small, or all are zero.
+        A weight is negative, not finite, too large or too small, or all weights `cost` are 0.
     """
     for weights in (cost, switch):
         fine = (weights == 0) | ((weights >= SMALLEST_WEIGHT) & (weights <= LARGEST_WEIGHT))
@@ -307,16 +318,17 @@ def check_weights(cost: Floats, switch: Floats) -> tuple[Floats, Floats]:
 
 
 def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
-    """Return the problem with weighted steps: ``A w(k), B w(k), D w(k), lambda w'(k)``.
+    """Return the problem with weighted steps.
 
-    The weights w are `cost`, and w' are `switch` (see `check_weights`). Pairs at steps with weight
-    0 have no gain and are left out.
+    Prices, costs and switch prices become ``A w(k), B w(k), D w(k), lambda w'(k)`` at step k. The
+    weights w are the argument `cost`, and w' are `switch` (see `check_weights`). Pairs at steps
+    with w(k) = 0 have no gain and are left out.
     """
     factor = cost[problem.entry_step]
     if problem.pair_share is not None:
         problem = replace(problem, pair_share=problem.pair_share * factor)
     switch = problem.switch_price * switch
-    # With one price for all steps, a run of steps without gain is one state.
+    # If the price is one number for all steps, `merge_runs` makes one state of each run.
     same = bool(len(switch)) and bool((switch == switch[0]).all())
     largest = float(cost.max(initial=0.0))
     return _repriced(
@@ -335,15 +347,16 @@ def weight_steps(problem: Problem, cost: Floats, switch: Floats) -> Problem:
 def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Problem:
     """Return the problem of objects that exist with probabilities r (truth) and s (estimate).
 
-    It has the numbers ``A r, B s, D min(r, s) + |r - s| / 2``. This is the LP of the probabilistic
-    metric (arXiv 2506.15148); `problem` must have A = B = 1/2. If all probabilities are 1, the
-    result is `problem` itself.
+    Its prices are A r and B s, and its costs are ``D min(r, s) + |r - s| / 2``. This is the LP of
+    the probabilistic metric (arXiv 2506.15148); `problem` must have A = B = 1/2. If all
+    probabilities are 1, the result is `problem` itself.
 
-    The cost of a pair is that of an optimal transport between two Bernoulli densities. They are
-    densities on the states and on "none", whose distance from every state is c / 2^(1/p). The
-    common probability min(r, s) moves by the distance d, and the difference |r - s| moves to or
-    from "none". So the gain of an assigned pair is min(r, s) (1 - D). Pairs with r = 0 or s = 0
-    have no gain and are left out.
+    The cost of a pair is the cost of moving one probability distribution to another at the smallest
+    cost (optimal transport). The truth is at its state with probability r, and at "none" with
+    1 - r. The estimate is at its state with probability s, and at "none" with 1 - s. The distance
+    from "none" to every state is c / 2^(1/p). The probability min(r, s) moves by the distance d,
+    and the difference |r - s| moves to or from "none". The gain of an assigned pair is therefore
+    min(r, s) (1 - D). Pairs with r = 0 or s = 0 have no gain and are left out.
 
     Parameters
     ----------
@@ -355,7 +368,7 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
     Raises
     ------
     ConfigError
-        Prices of missed and false targets differ: there is no proof that this is a metric.
+        Prices of missed and false targets differ. For such prices, no proof of a metric is known.
     """
     if np.any(problem.truth_price != 0.5) or np.any(problem.estimate_price != 0.5):
         raise ConfigError(needs_symmetry())
@@ -378,12 +391,12 @@ def needs_symmetry() -> str:
 def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
     """Return the problem in which ignored objects and excused estimates do not count.
 
-    It has the numbers ``A w, B (1 - e), D w``, where w = 0 for ignored objects (else 1), and e = 1
-    for excused estimates (else 0). An ignored object absorbs one estimate at a time, at no cost. An
-    excused estimate costs nothing if it is unassigned. The gain of a pair with an ignored object is
-    B (1 - e) if the pair is nearer than the cutoff. The gain of an evaluated object and an excused
-    estimate is A - D, if that is positive. If nothing is ignored or excused, the result is
-    `problem` itself.
+    Its prices are A w and B (1 - e), and its costs are D w. Here w is 0 for ignored objects and 1
+    for all other objects; e is 1 for excused estimates and 0 for all other estimates. An ignored
+    object can be assigned to one estimate at a time, at no cost ("absorbs" it). An excused estimate
+    costs nothing if it is unassigned. The gain of a near pair with an ignored object is B (1 - e).
+    The gain of an evaluated object and an excused estimate is A - D. The pair is left out if this
+    is not positive. If nothing is ignored or excused, the result is `problem` itself.
 
     The result is not a metric: a truth whose states are all ignored has the distance 0 from the
     empty set.
@@ -421,8 +434,8 @@ def _repriced(
 ) -> Problem:
     """Return the problem with other prices and costs, without pairs that no longer gain.
 
-    Pairs whose gain is lost by rounding are left out, too. Assigning them costs as much as leaving
-    both unassigned, up to `error`, the relative error that the new prices and costs add.
+    A pair is also left out if its gain is so small that rounding removes it. This changes the cost
+    by no more than `error`, the relative error that the new prices and costs add.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)

@@ -1,9 +1,9 @@
 """Upper bounds of the value of each row's best path, at given prices.
 
-After every operation that rounds, the result is moved to the next double in the safe direction. So
-all bounds are valid in exact arithmetic (docs/theory/certificate.md, "Rounding"). The letters are
-those of docs/theory/notation.md, and sizes of arrays, such as (S,), those of `problem.states`. G is
-the number of `row_steps`.
+After every operation that rounds, the result is moved to the next double in the safe direction. For
+this reason, all bounds are valid in exact arithmetic (docs/theory/certificate.md, "Rounding"). The
+letters are those of docs/theory/notation.md, and sizes of arrays, such as (S,), those of
+`problem.states`. G is the number of slots that `row_steps` returns.
 """
 
 import itertools
@@ -20,26 +20,32 @@ SUMMANDS = 1024
 
 
 def up(value: Floats) -> Floats:
-    """Replace results by the next larger doubles, in place: upper bounds of the exact results."""
+    """Replace rounded results by the next larger doubles, in place.
+
+    They are upper bounds of the exact results.
+    """
     return np.nextafter(value, np.inf, out=value)
 
 
 def down(value: Floats) -> Floats:
-    """Replace results by the next smaller doubles, in place: lower bounds of the exact results."""
+    """Replace rounded results by the next smaller doubles, in place.
+
+    They are lower bounds of the exact results.
+    """
     return np.nextafter(value, -np.inf, out=value)
 
 
 def lower_sums(value: Floats, first: Ints) -> Floats:
-    """Return a lower bound of the sum of each part of the values >= 0; part i begins at first[i].
+    """Return a lower bound of the sum of each part of the values; part i begins at first[i].
 
-    A computed sum of n terms >= 0 is off by at most (n - 1) 2^-53 times the sum, in any order of
-    the terms. Long parts are summed in chunks, and then the sums of the chunks are added, so that n
-    is small.
+    All values must be >= 0. The computed sum of n such values is off by at most (n - 1) 2^-53 times
+    the sum, in any order. To keep n small, long parts are summed in chunks, and then the sums of
+    the chunks are added.
     """
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
         total, terms = sum_parts(value, first), size
-    else:  # chunks within each part, so that its bound does not depend on other parts
+    else:  # no chunk has values of two parts, so that the bound of a part depends on it only
         chunks = -(-size // SUMMANDS)
         of_part = np.concatenate(([0], np.cumsum(chunks)))
         number = np.arange(of_part[-1]) - np.repeat(of_part[:-1], chunks)
@@ -56,14 +62,15 @@ Gains = tuple[Floats, Floats, Ints]
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
     """Return the gain minus price of each state, relative to the best pair of its row and step.
 
-    The best pair of a row at a step has the largest gain minus price, G - v. Let r be this value,
-    or 0 if it is negative or if there is no pair: the *offset* of the step. The result is
-    ``(G - v) - r``. It is computed as ``(D_best - D) + (v_best - v)``, plus differences of A and B.
-    These differences keep digits that gains near 1 lose. The value of every path of a row decreases
-    by the same sum of offsets (docs/theory/certificate.md, "The bounds that are computed").
+    The best pair of a row at a step has the largest gain minus price, G - v. The *offset* r of the
+    step is this value. It is 0 if the value is negative, or if the row has no pair with a gain at
+    the step. The result is ``(G - v) - r``. It is computed as ``(D_best - D) + (v_best - v)``, plus
+    differences of A and B, because these differences keep digits that gains near 1 lose.
+    Subtracting offsets decreases the values of all paths of a row by the same sum
+    (docs/theory/certificate.md, "The bounds that are computed").
 
-    `steps` come from `row_steps`. `price` (S,) must have exact prices of states with a gain, and
-    lower bounds of the prices of runs without gain.
+    `steps` is the result of `row_steps`. `price` (S,) must have the exact price of each state with
+    a gain, and a lower bound of the price of each run without gain.
 
     Returns
     -------
@@ -83,7 +90,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
         )
     else:
         relative, offset, best = _relative_gains(states, steps, price)
-    # A run loses the offsets of all its steps.
+    # The offsets of all steps of a run are subtracted from its value.
     running = steps.running(offset, floor=True)
     if kernels:
         kernels.run_gains(
@@ -103,7 +110,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 
 
 def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
-    """Compute `relative_gains` without kernels, except the elements of runs without gain."""
+    """Compute `relative_gains` without kernels. Elements of runs without gain are not computed."""
     problem, entry = states.problem, states.entry
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
@@ -160,9 +167,10 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    A row has a turn for each step at which one of its states begins. Turn k has the states that
-    begin at the k-th of these steps of their row. The earlier states of the same pairs end before
-    this step. The first turn is the first step of the window.
+    A row has a *turn* for each step at which one of its states begins. Turn k of all rows is done
+    at once: it has the states that begin at the k-th such step of their row. The states before them
+    in the same pairs end at the step before. The first turn of each row is at the first step of its
+    window.
 
     Parameters
     ----------
@@ -188,7 +196,10 @@ def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, 
 
 
 def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
-    """Return the stable order by rank, the first place of each rank in it, and the end."""
+    """Return the indices that sort `rank` (stable), and where each rank begins in this order.
+
+    The second result has a further element: the number of all elements.
+    """
     count = int(rank.max(initial=-1)) + 1
     if count <= 1 << 16:
         rank = rank.astype(np.uint16)  # NumPy sorts 16 bits by radix
@@ -201,15 +212,15 @@ def best_values(
 ) -> Floats:
     """Return an upper bound of the value of each row's best path, (nodes,), by Viterbi.
 
-    Let h be the best value of paths that are now at "none", and F_s of those in state s. At first,
-    all are 0. At each of the `steps`, which come from `row_steps`:
+    Let h be the best value of the paths that are at "none", and F_s that of the paths in state s.
+    All are 0 at the beginning. At each of the `steps` (the result of `row_steps`), they change:
 
     1. ``h = max(h, F_t - lambda)`` for each state t that ends.
     2. ``F_s = max(F_t, h - lambda) + value_s`` for each state s that begins after t in its pair.
     3. ``h = h - r``, with the offset r of the step.
 
-    The result is the largest of h and all F at the end (docs/theory/certificate.md, "The bounds
-    that are computed").
+    The result of a row is the largest of its h and all its F at the end
+    (docs/theory/certificate.md, "The bounds that are computed").
     """
     steps = steps or row_steps(states)
     if kernels:
@@ -238,7 +249,7 @@ def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | 
     offsets = np.zeros(len(at)) if offsets is None else offsets[at]
 
     unassigned_value = np.zeros(states.nodes)
-    current = np.zeros(len(states.pair_row))  # 0: at the first step of the window, entering is free
+    current = np.zeros(len(states.pair_row))  # 0, because a path can begin in any pair at no cost
     price: Floats = np.asarray(states.problem.switch_price)
     varies, switch_price = price.ndim > 0, states.problem.switch_price_at
     next_double, top = np.nextafter, np.array(np.inf)  # for `up` without a call of a function

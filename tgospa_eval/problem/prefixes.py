@@ -1,8 +1,8 @@
-"""Bounds of the costs of the steps 1..k, for every k, from a solution of the whole, in one pass.
+"""Bounds of the cost of the steps 1..k, for all k at once, from one solution of all steps.
 
-For the steps 1..k, the assignment up to k is feasible and the prices up to k give a lower bound
-(docs/theory/solvers.md, "The curve"). Sizes of arrays, such as (S,), are explained in
-`problem.states`.
+The assignment of the steps 1..k is feasible for these steps, and its cost is an upper bound. The
+prices of these steps give a lower bound (docs/theory/solvers.md, "The curve"). Sizes of arrays,
+such as (S,), are explained in `problem.states`.
 """
 
 import itertools
@@ -23,17 +23,20 @@ Offsets = tuple[Ints, Ints, Ints, Floats, Floats]
 def offsets(states: States) -> Offsets:
     """Return the cheapest entry of each row and step, and gains relative to it.
 
+    The arrays (G,) have an element for each row and each step at which the row has an entry.
+
     Returns
     -------
     step, row : (G,) int arrays
-        Step, and row as a node, sorted by (step, row).
+        The step, and the node of the row, sorted by (step, row).
     entry : (G,) int array
-        The cheapest entry.
+        The cheapest entry of this row and step.
     loss : (G,) float array
-        The offset: a lower bound of the gain of the cheapest entry. It is subtracted from the value
-        of all paths of the row.
+        The *offset*: a lower bound of the gain of the cheapest entry. It is subtracted from the
+        values of all paths of the row ("lost").
     relative : (S,) float array
-        Upper bound of the gain of each state minus its offset; 0 for runs without gain.
+        Upper bound of the gain of each state minus the offset of its row and step; 0 for runs
+        without gain.
     """
     problem, pair = states.problem, states.pair
     gaining = np.flatnonzero(states.entry >= 0)
@@ -62,11 +65,12 @@ def offsets(states: States) -> Offsets:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowMoves:
-    """Events of rows in order of time: states begin, prices are paid, offsets are lost.
+    """Events of rows, in order of time: states begin, prices are paid, offsets are lost.
 
     Rows and pairs are those of the states given to `RowMoves.of`, numbered in the same order. Times
-    are the integers from 0 on. Each kind of event has arrays with an element for each event, sorted
-    by time, and an array (times + 1,) with the index of the first event of each time, and the end.
+    are the integers from 0 on. Each kind of event has some arrays with an element for each event,
+    sorted by time. It also has an array (times + 1,) with the index of the first event of each
+    time; the last element is the number of events.
 
     Parameters
     ----------
@@ -77,16 +81,17 @@ class RowMoves:
     row : (P,) int array
         Row of each pair.
     begins : (times + 1,) int array
-        First state that begins at each time, and the end.
+        Index of the first state that begins at each time.
     begin_pair, gains, relative, switch_price : arrays
-        For each state that begins: its pair, whether it has a gain, its gain minus the offset, and
-        the price of entering it, or of leaving the state before it in the pair.
+        For each state that begins: its pair, a mask that is True if it has a gain, its gain minus
+        the offset, and the switch price. A path pays this price if it enters the state from "none",
+        or if it changes from the state before in the pair to "none".
     charges : (times + 1,) int array
-        First payment of each time, and the end.
+        Index of the first payment at each time.
     charge_pair, charge : arrays
-        Pair and amount of each payment of a price.
+        Pair and amount of each payment of the price of a slot.
     losses : (times + 1,) int array
-        First loss of each time, and the end.
+        Index of the first loss at each time.
     loss_row, loss : arrays
         Row and amount of each loss of an offset.
     """
@@ -112,8 +117,8 @@ class RowMoves:
     ) -> "RowMoves":
         """Return the events of all states at prices (K,).
 
-        The time of a step is its index, minus its element of `since` (T,) if that is given. Events
-        before time 0 are left out.
+        The time of step k is k, or k - since[k] if `since` (T,) is given. Events before time 0 are
+        left out.
         """
         offset_step, offset_row, _, loss, relative = offsets
         steps = states.problem.steps
@@ -170,18 +175,19 @@ def forward(
 ) -> Iterator[Floats]:
     """Yield an upper bound of the value of each row's best path, (R,), after each time.
 
-    Offsets are subtracted from the values of all paths. A path may leave a run without gain only
-    where the next state of the pair begins. The arrays `unassigned`, `reached` and `rest` are
-    updated in place.
+    Values are relative: the offsets up to a time are subtracted from the values of all paths. A
+    path can only change from a pair to "none" when a state of the pair begins. The arrays
+    `unassigned`, `reached` and `rest` are changed in place.
 
     Parameters
     ----------
     moves : RowMoves
         The events.
     unassigned, reached : (R,), (P,) float arrays
-        Best values before the first time: of each row at "none", and of each pair.
+        Best values before the first time: of the paths of each row that are at "none", and of those
+        that are in each pair.
     rest : (R,) float array, optional
-        Best value of each row in states that have no events.
+        Best value of the paths of each row that are in states without events.
     """
     for time in range(moves.times):
         own = slice(moves.begins[time], moves.begins[time + 1])
@@ -205,7 +211,7 @@ def forward(
                 np.copyto(rest, up(rest - lose), where=lose > 0)
         if len(at):
             reached[at] = up(reached[at] + moves.relative[own])
-        if paid.stop > paid.start:  # at a time, a pair begins at most one slot and pays once
+        if paid.stop > paid.start:  # a pair pays at most once at a time: one slot begins at most
             charging = moves.charge_pair[paid]
             reached[charging] = up(reached[charging] - moves.charge[paid])
         best = np.maximum(unassigned, np.maximum.reduceat(reached, moves.first))
@@ -214,7 +220,7 @@ def forward(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """Numbering of cells. A cell is a step in the window of a block; arrays over cells are (C,).
+    """Numbering of cells. A *cell* is a step in the window of a block. Arrays over cells are (C,).
 
     Parameters
     ----------
@@ -237,7 +243,7 @@ class Cells:
         )
 
     def of(self, block: Ints, step: Ints) -> Ints:
-        """Return the cell of each block at its step."""
+        """Return the cells of pairs of a block and a step, given as two arrays."""
         return self.first[block] + (step - self.begin[block])
 
     @property
@@ -254,15 +260,15 @@ class Cells:
     def sums(self, block: Ints, step: Ints, value: Floats) -> Floats:
         """Return, for each cell, the sum of the values of its block up to its step.
 
-        Each value belongs to one element of `block` and of `step`.
+        The arrays `block` and `step` have the block and the step of each value.
         """
         return self.running(sum_by(self.of(block, step), value, int(self.first[-1])))
 
     def running(self, value: Floats) -> Floats:
         """Return the running sums of values (C,) in each block.
 
-        For values >= 0 the relative error of a sum, in units of rounding, is at most its number of
-        terms. Larger sums of other blocks do not affect it.
+        For values >= 0, the relative error of a sum of n terms is at most n units of rounding. It
+        does not depend on the values of other blocks.
         """
         total = np.empty_like(value)
         for low, high in itertools.pairwise(self.first.tolist()):
@@ -272,8 +278,8 @@ class Cells:
     def totals(self, value: Floats, steps: int) -> tuple[Floats, Floats]:
         """Return the sum over all blocks at each step (T,), and bounds of the rounding errors (T,).
 
-        After its window, a block keeps its last value. Values (C,) must be >= 0, but may decrease
-        from step to step. Computed sums are at least 0.
+        A block counts 0 before its window, and its last value after its window. Values (C,) must be
+        >= 0, but can decrease from step to step. Sums are at least 0, in spite of rounding.
         """
         rise = np.diff(value, prepend=0.0)
         rise[self.first[:-1]] = value[self.first[:-1]]
@@ -289,10 +295,10 @@ def _busiest(states: States) -> int:
 
 
 def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, Floats]:
-    """Return the cost of the assignment up to each step, by kind, (4, C), and its error, (C,).
+    """Return the cost of the assignment up to each cell by kind, (4, C), and its error, (C,).
 
-    The kinds are localisation, missed, false and switch. The error is a bound of the rounding error
-    of their sum.
+    The cost of a cell is that of its block up to its step. The kinds are localisation, missed,
+    false and switch. The error bounds the rounding error of the sum of the four kinds.
     """
     problem, pair = states.problem, states.pair
     block = states.pair_block[pair]
@@ -316,9 +322,9 @@ def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, F
 class PrefixBounds:
     """Costs and bounds of the prefixes of each block, in units of c^p.
 
-    A prefix of a block is its window up to a step, so each cell has one. Only states with a near
-    pair are counted. The lower bound of a prefix is the bound of `problem.certificate` for its
-    steps: `total` minus the sum of the best values of the rows, minus `paid`.
+    A *prefix* is the window of a block up to a step. There is one prefix for each cell. Only states
+    with a near pair are counted. The lower bound of a prefix is the bound of `problem.certificate`
+    for its steps: `total` minus the sum of the best values of the rows, minus `paid`.
 
     Parameters
     ----------
@@ -331,10 +337,10 @@ class PrefixBounds:
     moves : RowMoves
         Events of the rows at the prices.
     total : (C,) float array
-        Costs of the cheapest pair of each row and step, plus the prices of leaving all other
-        objects unassigned.
+        Sum of the costs of the cheapest pair of each row and step in the prefix, plus the prices of
+        leaving unassigned all objects that are not in these pairs.
     size : (C,) float array
-        Sum of the absolute values of the terms of `total` that were added with rounding.
+        Sum of the absolute values of those terms of `total` that were added with rounding errors.
     paid : (C,) float array
         Sum of the prices of the column slots that begin in the prefix.
     terms : (C,) int array
@@ -372,8 +378,8 @@ class PrefixBounds:
             total += of_objects - of_pairs
             if not exact:
                 size += of_objects + of_pairs
-        # At a step, sums have a term for each state that begins or for each row. Running sums then
-        # have a term for each step.
+        # The sum of one step has at most one term for each state that begins, or for each row. The
+        # running sum has a term for each step.
         rows = int(np.bincount(states.node_block).max(initial=0))
         return cls(
             cells=cells,
@@ -394,9 +400,10 @@ class PrefixBounds:
         cells : (N,) int array
             The cells.
         best, sizes : (N,) float arrays
-            Sum of the best values of the rows, and of their absolute values, rounded to nearest.
+            For each cell: sum of the best values of the rows, and sum of their absolute values.
+            Both sums are rounded to nearest.
         paid : (N,) float array
-            Sum of the prices paid.
+            For each cell, sum of the prices of the column slots that begin up to it.
         """
         total = self.total[cells]
         error = (self.size[cells] + paid + sizes + np.abs(total)) * self.terms[cells] * 2.0**-53
@@ -419,7 +426,7 @@ class PrefixBounds:
 
 
 def whole_prices(problem: Problem) -> bool:
-    """Check that all unassigned prices are multiples of 1/2, so that their sums are exact."""
+    """Check that all prices of unassigned objects are multiples of 1/2: their sums are exact."""
     return all(
         len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
         for side in problem.sides

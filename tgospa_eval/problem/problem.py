@@ -3,8 +3,9 @@
     max  sum_k <G(k), W(k)> - sum_k lambda(k) |W(k + 1) - W(k)|,   G = A + B - D,
 
 over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). The letters
-are those of docs/theory/notation.md. All costs are divided by c^p. The reason is that LP tolerances
-are absolute: without scaling, data in small units would give silently wrong values.
+are those of docs/theory/notation.md. All costs are divided by c^p, because the tolerances of LP
+solvers are absolute. Otherwise the costs of data with small numbers would be less than the
+tolerances, and values would be wrong without any message.
 `metric_family.tgospa_problem` makes a problem from distances, cutoff, order and penalty.
 """
 
@@ -19,7 +20,10 @@ from tgospa_eval.errors import ConfigError
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
-    """Return the sum of the values with each index from 0 to size - 1, added in given order."""
+    """Return, for each number from 0 to size - 1, the sum of the values with this `index`.
+
+    Values are added in the given order.
+    """
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
@@ -36,8 +40,9 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 class Objects:
     """The true objects or the estimates of a problem.
 
-    Fields are those of `Problem` without ``truth_`` or ``estimate_``. `count` is the number of
-    objects, and `unjudged` the mask of rows that are ignored or excused, if any.
+    The fields `step`, `track`, `price` and `row` are those of `Problem` with the prefix ``truth_``
+    or ``estimate_``. `count` is the number of objects. `unjudged` is the mask of the rows that are
+    ignored or excused, or None if the problem has no masks.
     """
 
     count: int
@@ -58,9 +63,10 @@ class Problem:
     """Prices A and B, costs D and switch prices lambda of a linear programme, in units of c^p.
 
     A solver needs only these numbers, for the metric and for all its variants. Truth and estimate
-    (the two sides) are flat tables. A table has a row for each object at each step at which it
-    exists, sorted by (step, track). An entry is a pair of rows of one step that gains something if
-    it is assigned. Assigning any other pair gains nothing.
+    (the two sides) are flat tables. Each table has a row for each object at each step at which the
+    object exists. Rows are sorted by (step, track). An *entry* is a pair of rows of one step with a
+    gain: assigning the two costs less than leaving both unassigned. Assigning any other pair gains
+    nothing.
 
     Parameters
     ----------
@@ -75,25 +81,26 @@ class Problem:
     cost : (N,) float array
         Cost of each assigned pair, less than A + B.
     switch_price : float or (T - 1,) float array
-        Price of half a switch: one number, or one for each pair of neighbouring steps.
+        Price of half a switch: one number for all steps, or a number for each step and the next.
     cost_error : float
         Largest relative error of the costs and switch prices. Bounds are widened by it.
     cost_slack : float
-        Largest amount by which the sum of the costs of an assignment can be too large, because tiny
-        costs were raised to a smallest cost.
+        Largest amount by which the sum of the costs of an assignment can be too large. It is
+        positive if tiny costs were replaced by a larger smallest cost.
     rounding : float
-        An optimum up to this value can be caused by rounding of the last digits of the states.
+        Cost that rounding of the last digits of the states can cause.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, if its cost is not (A + B) (d / c)^p: see `weight_existence` and
-        `ignore_states`.
+        (d / c)^p of each entry. By default, it is the cost of the entry divided by A + B. It is
+        given in variants with another cost: see `weight_existence` and `ignore_states`.
     unjudged : pair of (R,) bool arrays, optional
         Masks of ignored objects and of excused estimates: see `ignore_states`.
     pair_share : (N,) float array, optional
-        Factor of (d / c)^p in the cost of each entry, from `ignore_states`; 0 for an ignored
-        object. By default A + B, or 2 min(A, B) with probabilities of existence.
+        Factor of (d / c)^p in the cost of each entry, from `ignore_states`; it is 0 for an ignored
+        object. By default, the factor is A + B, or 2 min(A, B) if objects have probabilities of
+        existence.
     at_cutoff : int
-        Number of pairs with an ignored object for which rounding of the distance decides whether
-        they gain.
+        Number of pairs with an ignored object that are so near the cutoff that rounding of the
+        distance decides if they gain.
     signed : bool
         Whether gains are allowed to be negative. The certificate does not support such a problem.
     """
@@ -176,7 +183,7 @@ class Problem:
 
     @cached_property
     def object_prices(self) -> tuple[float, float] | None:
-        """A and B, if each has one value for all rows and A + B is exact in doubles; else None."""
+        """A and B, if each is the same for all rows and A + B is exact in doubles; else None."""
         for price in (self.truth_price, self.estimate_price):
             if not len(price) or (price.strides != (0,) and (price != price[0]).any()):
                 return None
@@ -212,9 +219,10 @@ class Problem:
         return self.distance_power[entry]
 
     def mismatch(self, entry: Ints | slice) -> Floats | float:
-        """Return the part |A - B| of the cost of entries: that of unequal existence probabilities.
+        """Return the part |A - B| of the cost of some entries.
 
-        It is 0 if no probabilities of existence are used.
+        Unequal probabilities of existence cause this part. It is 0 if no such probabilities are
+        used.
         """
         if self.distance_power is None or self.unjudged is not None:
             return 0.0
@@ -227,7 +235,7 @@ class Problem:
 
     @property
     def gain(self) -> Floats:
-        """Gain of assigning each pair, A + B - cost, (N,). Digits of small costs are lost."""
+        """Gain A + B - cost of assigning each entry, (N,). Digits of small costs are lost."""
         return self.gains(slice(None))
 
     def gains(self, entry: Ints | slice) -> Floats:
@@ -236,7 +244,10 @@ class Problem:
 
     @cached_property
     def switch_price_at(self) -> Floats:
-        """Price of half a switch into each step, (T + 1,); 0 for the first and after the last."""
+        """Price of half a switch into each step from the step before, (T + 1,).
+
+        It is 0 into the first step. The last element is also 0, for a step after the last.
+        """
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price
         price.flags.writeable = False

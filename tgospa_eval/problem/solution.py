@@ -28,23 +28,23 @@ class Solution:
     prices : (K,) float array
         Price of each column slot.
     status : Status
-        Reason why the solver stopped, which is shown to the user.
+        Reason why the solver stopped. The user sees it.
     detail : str
         Details of the status.
     unsolved : pair of int, optional
-        Number of unsolved components, and number of all components that were not trivial.
+        Number of components that are not solved, and number of all components that are not trivial.
     iterations : int
-        Sweeps or simplex iterations.
+        Number of iterations: sweeps over the problem, or steps of the simplex method.
     finished : bool
         False if a limit or a failure stopped the solver early.
     history : tuple of dict
-        Course of the convergence: numbers from each check of the solver.
+        Convergence over time: some numbers for each time at which the solver checked its bounds.
     disposable : bool
-        Whether the receiver of the solution is allowed to overwrite its weights.
+        Whether code that receives the solution is allowed to overwrite its weights.
     missing : (B,) bool array
-        Mask of the blocks that are not known to be solved.
+        Mask of all blocks except those that are known to be solved.
     reduced : tuple of Reduced
-        Solutions of some blocks at a smaller cutoff, whose prices prove better bounds.
+        Solutions of some blocks at a smaller cutoff. Their prices prove better bounds.
     """
 
     weights: Floats
@@ -61,7 +61,7 @@ class Solution:
 
     @property
     def sentence(self) -> str:
-        """The status with its details and the number of unsolved components."""
+        """Status as text, with its details and the number of unsolved components."""
         text = f"{self.status} ({self.detail})" if self.detail else str(self.status)
         if self.unsolved is None:
             return text
@@ -79,7 +79,8 @@ class Reduced:
     blocks : (B,) bool array
         Mask of these blocks in the whole problem.
     scale : float
-        The value of c^p at the smaller cutoff, divided by c^p of the whole problem; a power of 2.
+        The value of c^p at the smaller cutoff, divided by that of the whole problem. It is a power
+        of 2.
     solution : Solution
         Solution of `states`.
     """
@@ -99,22 +100,23 @@ class Bounds(Interval):
     lower, upper : float
         The two bounds; `upper` is the cost of a feasible assignment.
     rounding : float
-        An `upper` up to this value can be caused by rounding of the last digits of the states.
+        Cost that rounding of the last digits of the states can cause. If `upper` is at most this,
+        the whole cost may be an effect of rounding.
     """
 
     rounding: float = 0.0
 
     @property
     def relative_gap(self) -> float:
-        """(upper - lower) / upper, 0 if upper is 0."""
+        """Relative gap (upper - lower) / upper; 0 if upper is 0."""
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
     def within_rounding(self, gap: float) -> bool:
-        """Return True if the relative gap exceeds `gap`, but rounding can cause the whole cost."""
+        """Return True if the relative gap exceeds `gap`, and `upper` is at most `rounding`."""
         return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
-        """Return True if the relative gap is at most `gap`, or rounding can cause the cost."""
+        """Return True if the relative gap is at most `gap`, or `upper` is at most `rounding`."""
         return self.upper - self.lower <= gap * self.upper or self.upper <= self.rounding
 
 
@@ -125,12 +127,12 @@ class Breakdown:
     Parameters
     ----------
     localisation, missed, false, switch : (T,) float arrays
-        Cost at each step; a switch between two steps is booked at the later one.
+        Cost at each step. The cost of a switch between two steps belongs to the later step.
     missed_count, false_count, switch_count : (T,) float arrays
         Numbers of missed targets, of false targets and of switches at each step. The number of
         switches is half the total variation of the weights.
     total : float
-        The whole cost. It is summed from single terms, not from the costs of steps.
+        The whole cost, summed from single terms (not from the rounded costs of the steps).
     """
 
     localisation: Floats
@@ -145,7 +147,9 @@ class Breakdown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Brackets:
-    """Costs of N intervals of steps (curve, windows), each evaluated separately, in units of c^p.
+    """Costs of N intervals of steps, in units of c^p. Each interval is evaluated separately.
+
+    The intervals are those of a curve (from step 1 to each step) or sliding windows.
 
     Parameters
     ----------
@@ -178,8 +182,8 @@ class Windows(Brackets):
     first, last : (N,) int arrays
         First and last step of each window.
     size, every : str
-        Length of a window, and distance from one window to the next, in words; empty until known.
-        The distance of the last two windows can be smaller.
+        Length of a window, and distance from one window to the next, in words. Both are empty until
+        they are known. The distance between the last two windows can be smaller.
     """
 
     first: Ints
@@ -195,8 +199,8 @@ class AssignedPairs:
     Parameters
     ----------
     step, truth, estimate, entry : (N,) int arrays
-        Indices of the step, the true object and the estimate of each pair, and of its entry in the
-        problem.
+        For each pair: index of the step, of the true object, of the estimate, and of the entry in
+        the problem.
     weight : (N,) float array
         Weight of each pair.
     """
@@ -209,7 +213,10 @@ class AssignedPairs:
 
     @classmethod
     def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
-        """Build the pairs from an array with these fields; `entry` becomes the row number."""
+        """Build the pairs from an array with the fields step, truth, estimate and weight.
+
+        `entry` becomes the index in this array.
+        """
         columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
         return cls(**columns, entry=np.arange(len(rows)))
 
@@ -223,7 +230,7 @@ class Unjudged:
     ignored, excused : int arrays
         Number of ignored objects, and number of excused estimates.
     absorbed : float array
-        Number of estimates that follow an ignored object, counted by their weights.
+        Sum of the weights with which estimates follow ignored objects.
     """
 
     ignored: Ints
@@ -232,14 +239,14 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Add up the numbers of evaluations of the same steps; None if `several` is empty."""
+        """Add up the numbers of several evaluations with the same steps; None if there are none."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
 
     @property
     def totals(self) -> dict[str, float]:
-        """Totals of all steps, by their JSON names."""
+        """Totals over all steps, by their names in JSON."""
         return {
             "truth_states": int(self.ignored.sum()),
             "absorbed": float(self.absorbed.sum()),
@@ -270,9 +277,9 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
 
 
 def evaluated_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
-    """Return masks of the truth rows and estimate rows that other metrics count.
+    """Return masks of the truth rows and the estimate rows that count in other metrics.
 
-    Other metrics do not count these rows:
+    These rows do not count in other metrics:
 
     - ignored objects;
     - estimates that follow an ignored object with a weight of at least 1/2;
@@ -316,9 +323,10 @@ class Switches:
     step, truth : (N,) int arrays
         Step and true object of each change.
     before, after : (N,) int arrays
-        Estimate whose weight falls most, and estimate whose weight rises most; -1 for none.
+        Estimate with the largest decrease of its weight, and estimate with the largest increase; -1
+        if no weight decreases, or increases.
     variation : (N,) float array
-        Total variation, twice the number of switches.
+        Total variation of the weights, which is twice the number of switches.
     """
 
     step: Ints
@@ -340,7 +348,10 @@ def read_switches(states: States, weights: Ints) -> Switches:
     first = np.flatnonzero(opens)
 
     def largest(chosen: Mask) -> Ints:
-        """Return, for each (step, truth), the estimate of its largest chosen change, else -1."""
+        """Return, for each (step, truth), the estimate with the largest of the chosen changes.
+
+        It is -1 if none of its changes is chosen.
+        """
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
         estimates: Ints = track[np.minimum.reduceat(place, first)]
@@ -362,10 +373,11 @@ class PerTrack:
     Parameters
     ----------
     localisation, unassigned, switch : (k,) float arrays
-        Costs of the object in units of c^p: of its localisation errors, of the steps at which it is
-        missed or false, and of its switches.
+        Costs in units of c^p: those of the localisation errors, those of the steps at which the
+        true object is missed (or the estimate is false), and those of the switches.
     unassigned_count, switch_count : (k,) float arrays
-        Number of steps at which the object is missed or false, and number of its switches.
+        Number of steps at which the true object is missed (or the estimate is false), and number of
+        switches.
     """
 
     localisation: Floats

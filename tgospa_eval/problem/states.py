@@ -2,13 +2,14 @@
 
 A *state* is a pair of trajectories over an interval of steps on which its assignment can be assumed
 constant: one step with a gain, or a maximal run of steps without a gain (docs/theory/reductions.md,
-"Run merging"). So the number of states grows with the number of gains, not with that of all steps
-of all pairs. A *block* is a connected component of the graph of pairs, in its own window of time.
-Blocks have no trajectory in common, and each is contiguous in every array.
+"Run merging"). Because of these runs, the number of states grows with the number of gains, not with
+the number of pairs times the number of steps. A *block* is a connected component of the graph of
+pairs, in its own window of time. No trajectory is in two blocks. The elements of a block are next
+to each other in every array.
 
 A *slot* is an interval of steps of a trajectory on which the competing states do not change. The
-weights of these states sum to at most 1. Weights are integers, so that this is checked exactly.
-`merge_runs` makes the states of a problem.
+weights of these states sum to at most 1. Weights are stored as integers in units of 1/`ONE`, so
+that such sums are exact. `merge_runs` makes the states of a problem.
 
 Sizes of arrays are written with these letters: S states, P pairs, K slots, B blocks, T steps, and R
 rows of the truth or of the estimate. Other letters are those of docs/theory/notation.md.
@@ -33,18 +34,19 @@ PART = 1 << 19
 """Approximate number of states that are processed at once, so that temporary arrays are small."""
 
 CROWD, FULL_SUM = 4000, 1 << 61
-"""Sums of up to CROWD pairs of a node fit into 64 bits, because weights are below 2^50. For nodes
-with more pairs, sums above FULL_SUM are replaced by FULL_SUM."""
+"""Limits of sums of weights. A sum over at most CROWD pairs of a node fits into 64 bits, because a
+weight is less than 2^50. If a node has more pairs, a sum above FULL_SUM is replaced by FULL_SUM."""
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
-    """Return a unit for each part of the values, and running sums of value / unit, (K + 1,).
+    """Return a unit for each part of the K values, and integer running sums of value / unit.
 
     Part i begins at first[i]. Its unit is 2^(e - 62), where 2^e is larger than the sum of |value|
-    in the part. Each of the K values is rounded to an integer number of units. Differences of the
-    integer sums are exact, even if the sum over all parts overflows. A part of small values keeps
-    its digits next to parts of large values. With `floor`, rounding never makes a value larger
-    (docs/theory/certificate.md, "Rounding").
+    in the part. Each value is rounded to an integer number of units. The running sums (K + 1,) are
+    sums of these integers. The difference of two of them in the same part is exact, even if the sum
+    over all parts overflows. Each part has its own unit, so that small values keep their digits if
+    another part has large values. With `floor`, no value is rounded up (docs/theory/certificate.md,
+    "Rounding").
     """
     size = sum_parts(np.abs(value), first)
     unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
@@ -57,7 +59,11 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
-    """Return a mask of the states whose weight differs from the state before in the same pair."""
+    """Return a mask of the states at which the weight of their pair changes.
+
+    The weight of a state is compared with that of the state before it in the same pair. The first
+    state of a pair is never marked.
+    """
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
     differs[pair_first[:-1]] = False
@@ -69,8 +75,8 @@ class Slots:
     """Slots of the rows or of the columns: in each slot, weights sum to at most 1.
 
     A node with one pair has no slots: its constraint would only say that each weight is at most 1.
-    A state covers the slots from its first slot until before the first slot of the next state of
-    its pair.
+    A state covers all slots from its first slot on, up to the slot before the one at which the next
+    state of its pair begins.
 
     Parameters
     ----------
@@ -97,16 +103,16 @@ class Slots:
 
     @property
     def end(self) -> Ints:
-        """Slot after the last slot of each state, (S,)."""
+        """Index after that of the last slot of each state, (S,)."""
         end = np.empty_like(self.begin)
         end[:-1] = self.begin[1:]
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
         return end
 
     def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
-        """Return a mask of the states that cover a slot of the mask `marked` (K,).
+        """Return a mask of the states that cover at least one slot marked in `marked` (K,).
 
-        With `chosen`, the mask has only elements for these states.
+        If `chosen` has indices of states, the mask has an element for each of these states only.
         """
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
@@ -158,11 +164,11 @@ class Slots:
         return np.cumsum(total, out=total)[:-1]
 
     def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
-        """Return `exact_running` of prices (K,), where the slots of a node are a part."""
+        """Return `exact_running` of the prices (K,) of all slots. Each node is one part."""
         return exact_running(price, self.first, floor=floor)
 
     def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
-        """Return the sum of the prices (K,) over the slots of each state, or each chosen state."""
+        """Return, for each state or each chosen state, the sum of the prices (K,) of its slots."""
         return self.spans(self.running(price, floor=floor), chosen, floor=floor)
 
     def spans(
@@ -209,16 +215,18 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""Up to this number of states, `States.between` of all blocks returns the object, not a copy."""
+"""Largest number of states for which `States.between` returns the object itself, not a copy, if it
+is called for all blocks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
     """All states of a problem, and the graph of its pairs.
 
-    Nodes are trajectories that have a pair, numbered block by block. Each node is a row, which
-    follows one path, or a column, which has prices. Rows are the true objects, unless the block has
-    a single estimate and several true objects. Then the estimate is the row.
+    Nodes are trajectories that have a pair. They are numbered block by block. Each node is a row,
+    which follows one path, or a column, which has prices. In most blocks, the rows are the true
+    objects. In a block with a single estimate and several true objects, the estimate is the row
+    (unless `merge_runs` is told not to transpose).
 
     Parameters
     ----------
@@ -235,7 +243,8 @@ class States:
     entry : (S,) int array
         Entry of the problem that has the gain of the state; -1 for a run without gain.
     columns : Slots
-        Slots of the columns. The slots of the `rows` are computed when they are first used.
+        Slots of the columns. The slots of the rows are the property `rows`, which is computed at
+        its first use.
     node_block : (nodes,) int array
         Block of each node.
     block_begin, block_end : (B,) int arrays
@@ -335,10 +344,11 @@ class States:
         return gain
 
     def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
-        """Return some pairs as separate states, and the places of these states in this object.
+        """Return the states of some pairs as a new object, and their indices in this object.
 
-        The pairs must be all pairs of some rows. Nodes, blocks and column slots keep their numbers.
-        Little is copied if `pairs` is a slice.
+        If one pair of a row is chosen, all pairs of the row must be chosen. Nodes, blocks and
+        column slots keep their numbers. If `pairs` is a slice, the new object shares most of its
+        memory with this object.
         """
         own: slice | Ints
         if isinstance(pairs, slice):
@@ -364,7 +374,10 @@ class States:
         return part, own
 
     def cuts(self, size: int) -> list[tuple[int, int]]:
-        """Return ranges of blocks for `between`; all but the last have at least `size` states."""
+        """Divide the blocks into ranges for `between`, and return these as pairs (low, high).
+
+        Each range except the last has at least `size` states.
+        """
         blocks = len(self.block_begin)
         if 0 < len(self.begin) <= size:
             return [(0, blocks)]
@@ -377,11 +390,12 @@ class States:
         return cuts
 
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
-        """Return the blocks from `low` to before `high` as separate states; this copies little.
+        """Return the blocks from `low` to before `high` as a new object.
 
-        The result keeps its `rows` once they are computed. If the range has all blocks, the result
-        is a copy of this object, so that this object does not keep them. With at most SMALL states
-        it is this object itself.
+        The new object shares most of its memory with this object. An object keeps its property
+        `rows` in memory after the first use. For this reason, the result is a new object even if
+        the range has all blocks: `rows` is freed together with the result. Exception: if the range
+        has all blocks and there are at most SMALL states, the result is this object itself.
 
         Returns
         -------
@@ -435,16 +449,17 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
 
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
-"""Integer that means the weight 1. Multiples of 1/2, 1/3, ..., 1/18 are exact. It is near 2^50, so
-that sums of some thousand weights fit into 64 bits, and a double represents each weight exactly
-(docs/theory/certificate.md, "Repair")."""
+"""Integer that means the weight 1. It is divisible by 2, 3, ..., 18, so that multiples of 1/2, 1/3,
+..., 1/18 are exact weights. It is less than 2^50, so that sums of some thousand weights fit into 64
+bits, and a double represents each weight exactly (docs/theory/certificate.md, "Repair")."""
 
 STATES_A_STEP = 32
-"""Smallest mean number of states per step in a part. With fewer states per step, the overhead of
-function calls exceeds the work in them."""
+"""Smallest mean number of states per step in a part (see `row_parts`). With fewer states per step,
+calling functions for each step takes longer than their work."""
 
 SNAP_WHOLE = ONE * 1e-9
-"""Distance in units of 1/ONE: weights that are nearer to 0 or 1 are set to 0 or 1."""
+"""Snapping distance of weights, in units of 1/ONE. A weight nearer to 0 or 1 than this is set to 0
+or 1."""
 
 
 def repair(states: States, weights: Floats) -> Ints:
@@ -473,16 +488,20 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
 
 
 def make_feasible(states: States, weights: Ints) -> Ints:
-    """Scale down weights in slots with a sum above ONE, in place; return sums by column slot."""
+    """Scale down the weights in slots with a sum above ONE, in place.
+
+    Return the new sums of the column slots, (K,).
+    """
     for part, own in row_parts(states):
         _fit(part.rows, weights[own])
     return _fit(states.columns, weights)
 
 
 def _fit(slots: Slots, weights: Ints) -> Ints:
-    """Divide weights by the sum of their slot where it is above ONE, in place; return new sums.
+    """Scale down the weights in slots with a sum above ONE, in place; return the new sums.
 
-    The quotients are in units of 1/ONE. This is repeated until no sum is above ONE.
+    Each weight is divided by the largest sum of the slots that its state covers. This is repeated
+    until no sum is above ONE. Weights are in units of 1/ONE.
     """
     sums = slots.sums(weights)
     while sums.max(initial=0) > ONE:
@@ -500,7 +519,7 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
     over = over[np.argsort(begin[over], kind="stable")]
     bounds = np.stack((begin[over], end[over]), axis=1).ravel()
     fullest = np.maximum.reduceat(sums, bounds)[::2]
-    # The factor is reduced by more than rounding can raise the product.
+    # The factor is reduced by more than the rounding error of the product.
     factor = ONE / fullest * (1 - 2.0**-48)
     weights[over] = np.floor(weights[over] * factor)
 
@@ -508,9 +527,10 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
     """Yield parts of the states, and the places of their states in `states`.
 
-    A part has all pairs of some rows, and about PART states. At given prices, rows do not depend on
-    each other, so parts can be processed one by one. Nodes and column slots keep their numbers.
-    Parts of long recordings are larger, because a pass over a part has some overhead for each step.
+    A part has about PART states. A row is never divided between parts. At given prices, rows do not
+    depend on each other, so parts can be processed one by one. Nodes and column slots keep their
+    numbers. If blocks have many steps, parts are larger: a pass over a part takes some time for
+    each step, even at steps with few states.
     """
     size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:
@@ -529,9 +549,10 @@ def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
-    """Return states whose weight differs from the state before in the same pair, and by how much.
+    """Return the states at which the weight of their pair changes, and the size of each change.
 
-    The second array is |difference| / ONE.
+    A change is the absolute difference from the weight of the state before in the same pair,
+    divided by ONE.
     """
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
@@ -554,9 +575,10 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
 
     Pairs that never gain are left out, and each component becomes a block. The window of a block
-    begins at its first gain and ends at its last gain; other steps are left out. A run without gain
-    is one state, also before the first and after the last gain of a pair. If switch prices differ
-    between steps, a run has one state for each step.
+    begins at its first gain and ends at its last gain; other steps are left out. Each pair of the
+    block has states for the whole window, also before its own first gain and after its own last
+    gain. A run of steps without gain is one state. Exception: if switch prices differ between
+    steps, each step of a run is one state.
 
     Parameters
     ----------
@@ -600,7 +622,8 @@ GRAPH = (
     *("pair_row", "pair_column", "pair_block", "pair_truth", "pair_estimate"),
     *("node_block", "block_begin", "block_end", "transposed"),
 )
-"""Fields of `States` that do not depend on runs; pairs are sorted by (row, column)."""
+"""Names of the fields of `States` that describe pairs and blocks, and do not depend on runs. Pairs
+are sorted by (row, column)."""
 
 
 def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, dict[str, Any]]:
@@ -664,7 +687,8 @@ def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
     `block` and `step` are the block and step of each entry, in order of time.
     """
     window = np.zeros((2, blocks), np.int32)
-    # NumPy keeps the last value written to a place: the last step, and in reverse the first.
+    # If an index occurs several times, NumPy keeps the value that is written last: the last step
+    # of the block, or the first step if the arrays are reversed.
     window[1][block] = step
     window[0][block[::-1]] = step[::-1]
     return window
@@ -677,8 +701,8 @@ def split_pairs(
 
     The two arrays are the first step and the entry of each state, sorted by (pair, first step).
     `pair_of` and `step` are the pair and step of each entry, in order of time. `first` and `last`
-    are the first and last step of the window of each pair. With `single`, a run without gain has
-    one state for each step.
+    are the first and last step of the window of each pair. With `single`, each step of a run
+    without gain is one state.
     """
     if kernels:
         split: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
