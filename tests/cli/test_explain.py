@@ -124,6 +124,22 @@ def test_an_extension_goes_on_at_the_velocity_of_five_states(
     assert repair["rows"]["y"] == pytest.approx(b[3] + ahead * (b[3] - a[3]) / 4)
 
 
+def test_a_track_that_is_split_keeps_its_name(invoke: Run, tmp_path: Path) -> None:
+    for name, tracks in (("t", "AB"), ("e", "E")):
+        rows = [
+            f"{one},{t},{t},{50 * (one == 'B' or (one == 'E' and t > 9))}"
+            for one in tracks
+            for t in range(20)
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["id,t,x,y", *rows]))
+    files = [str(tmp_path / f"{name}.csv") for name in ("t", "e", "repaired")]
+    assert invoke("explain", *files[:2], "-c", "10", "-g", "8", "--apply", "1", "-o", files[2])
+    assert {row["id"] for row in csv.DictReader(Path(files[2]).read_text().splitlines())} == {
+        "E",
+        "E_2",
+    }
+
+
 def test_the_repaired_file_is_written_whole_or_not_at_all(invoke: Run, tmp_path: Path) -> None:
     target = tmp_path / "repaired.csv"
     written = invoke(

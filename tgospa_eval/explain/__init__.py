@@ -388,8 +388,8 @@ def _candidates(
     if not len(estimate.step):
         return
     places = StatePlaces(sides, result.proof.parameters, probabilistic=request.probabilistic)
-    names = (*result.labels.truths, *result.labels.estimates)
-    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, limit)]
+    names = result.labels.truths, result.labels.estimates
+    makers = [exchanged(assigned), split_up(assigned, *names), of_rows(assigned, limit)]
     if len(sides.alignment.truth.step):
         if estimate.clouds is None:
             makers += [

@@ -7,7 +7,7 @@ of arrays, such as (S,), are explained in `problem.states`.
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -444,13 +444,16 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
     return int(one != other) - int(one != named)
 
 
-def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
+def split_up(
+    assigned: Assigned, of_truth: Sequence[str], names: Sequence[str]
+) -> Iterator[Candidate]:
     """Yield a split of a track at each step at which it changes to another true object.
 
-    `names` has the ids that exist already. The id of the new track is none of them.
+    `of_truth` has the ids of the truth, and `names` those of the estimate. The id of the new track
+    is none of them.
     """
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
-    tracks, taken = assigned.problem.estimates, set(names)
+    tracks, taken = assigned.problem.estimates, {*of_truth, *names}
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
     estimates: dict[int, list[AssignedStretch]] = defaultdict(list)
     for stretch in assigned.stretches:
