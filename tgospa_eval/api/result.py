@@ -127,12 +127,13 @@ class Showable(Evaluation, Reportable):
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot a lane for each true object with its tracks, and one for each track with false steps.
+        """Plot a lane for each true object with its tracks, and for each track with false steps.
 
         A framed gap is a missed target, and a triangle is a switch. The darker lower part of a bar
         is the error as a share of the cutoff. If there are too many trajectories, lanes are given
         first to those with missed or false steps or switches, then to the costliest. The others
-        share one lane. Its height is the number of missed or false targets. Parameters, errors and return value are those of `plot_costs`.
+        share one lane. Its height is the number of missed or false targets. Parameters, errors and
+        return value are those of `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
 
@@ -146,9 +147,9 @@ class Showable(Evaluation, Reportable):
         """Plot trajectories in two state columns, with missed and false targets and switches.
 
         States can be boxes, normal distributions (drawn as 95 % ellipses) or particles. Their
-        shapes are drawn at some steps of a few trajectories. A second panel shows all shapes near the
-        assigned pair with the largest distance. For both, the states must have shapes in the two
-        columns.
+        shapes are drawn at some steps of a few trajectories. A second panel shows all shapes near
+        the assigned pair with the largest distance. For both, the states must have shapes in the
+        two columns.
 
         Parameters
         ----------
