@@ -75,8 +75,8 @@ FAULTS_SHOWN = 10
 """Largest number of faults that are shown."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
-"""Options that choose the evaluated steps. If one of them is given, the steps that a
-benchmark declares are not used."""
+"""Options that choose the evaluated steps. If one of them is given, the steps that a benchmark
+declares are not used."""
 
 FLUSH, SHARE = 2.0, 0.01
 """Rows are written to the store every `FLUSH` seconds. If the share `SHARE` of the time since the
@@ -289,8 +289,8 @@ def batch(
     ------
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing. Then no job is started. The error
-        is also raised if a worker of `scheduler` does not see a file, or if all jobs of data in
-        memory failed.
+        is also raised if a worker of `scheduler` does not see a file, or if the data are
+        in memory and all jobs failed.
     """
     given = dict(locals())  # in the first line, so that these are only the parameters
     chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}

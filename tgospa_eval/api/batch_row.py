@@ -360,7 +360,7 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
 # Rows for a gate, evaluated in this process or in several.
 
 PATIENCE = 2.0
-"""Seconds of work in this process before other processes are started, which takes as long."""
+"""Seconds of work in this process before more processes start. Their start takes about as long."""
 
 SHOWN = 10.0
 """Number of seconds between two lines of progress."""

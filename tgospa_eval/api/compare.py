@@ -488,7 +488,7 @@ def ranked(
     tuple
         The JSON document, and the outcomes of each estimate by its name. After an interruption, the
         ranking uses only complete runs, in which all estimates are evaluated. If there is no
-        complete run, it uses the estimates of the first run that are evaluated.
+        complete run, it uses the evaluated estimates of the first run.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}

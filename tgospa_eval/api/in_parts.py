@@ -231,7 +231,8 @@ def in_parts_if_large(
     Raises
     ------
     ConfigError
-        The data are read in parts, but an option needs them at once; or the other way round.
+        The data are read in parts, but an option needs all data at once. Or the data are not read
+        in parts, but an option needs this.
     """
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)

@@ -201,8 +201,8 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
     """Return the shapes that most files of a place have.
 
     A shape is a path with `{}` for a name: gt/MOT17-02/gt/gt.txt has the shape gt/{}/gt/gt.txt with
-    the name MOT17-02. A path has several shapes. For each shape, a dict has the paths by their
-    names.
+    the name MOT17-02. A path has several shapes. The answer has a dict for each shape, with the
+    path of each name.
     """
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}

@@ -45,8 +45,8 @@ class Association(Pairing):
     first, second : Trajectories
         States of the first and of the second sensor, on the same time steps.
     pairs : Pairs
-        N pairs of states of the same step: the pairs nearer than the cutoff, or all pairs if
-        requested. Distances of other pairs were not measured.
+        N pairs of states of the same step, with measured distances: the pairs nearer than the
+        cutoff, or all pairs if requested.
     apart : (N,) float array
         Distance between the means of the two states of each pair.
     chosen : (N,) bool array
