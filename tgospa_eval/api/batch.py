@@ -75,15 +75,16 @@ FAULTS_SHOWN = 10
 """Largest number of faults that are shown."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
-"""Options that choose the evaluated steps. With one of them, the steps that a benchmark declares
-are not used."""
+"""Options that choose the evaluated steps. If one of them is given, the steps that a benchmark
+declares are not used."""
 
 FLUSH, SHARE = 2.0, 0.01
-"""Time between two writes of rows: `FLUSH` seconds, or the share `SHARE` of the time so far if that
-is longer. A killed process loses no more work than that."""
+"""Rows are written to the store every `FLUSH` seconds. If the share `SHARE` of the time since the
+start is longer, this share is used instead. A killed process loses the rows since the last write.
+"""
 
 MAX_PENDING_STEPS = 200_000
-"""Number of steps, about 30 MB, that can be in memory until they are written."""
+"""Largest number of steps that are kept in memory (about 30 MB) before they are written."""
 
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns with the numbers of states; both are 0 if there was nothing to evaluate."""
@@ -107,8 +108,8 @@ class Batch(StudyReport):
     store : Store
         The store with the rows of jobs.
     page : bool
-        Whether the HTML page must be written: never for a shard, and only if jobs are new, an
-        option changes the page, or there is no page.
+        Whether the HTML page must be written. This is the case if jobs are new, an option changes
+        the page, or there is no page. For a shard, it is always false.
     notices : tuple of str
         Further messages for the user.
     status : int
@@ -156,7 +157,7 @@ class Batch(StudyReport):
     def curves(self) -> "pd.DataFrame":
         """A row for each group, kind of curve and time, as in ``curve.csv``.
 
-        The table is empty unless steps are stored, as with `per_step`.
+        The table is empty if the store has no steps; `per_step` stores them.
         """
         return as_frame(curves_columns(self.tables.curves))
 
@@ -183,7 +184,7 @@ class Batch(StudyReport):
         return self._plot("parts", **options)
 
     def plot_heat(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot a coloured cell for each job, its value per step, in a grid by the labels."""
+        """Plot the value per step of each job as a coloured cell in a grid of two labels."""
         return self._plot("heat", **options)
 
     def plot_curve(self, **options: "Unpack[Drawing]") -> "Figure":
@@ -237,8 +238,8 @@ def batch(
     output : str or path, optional
         Folder of the store. Without it, rows are only returned.
     truth, estimate : str, or data in memory, optional
-        Instead of `paths`, patterns with fields, such as ``"gt/{run}.csv"``; or data in memory. The
-        data of several runs are one of the following:
+        Patterns with fields, such as ``"gt/{run}.csv"``, or data in memory. They are given instead
+        of `paths`. The data of several runs are one of the following:
 
         - a list with the data of each run, as for `evaluate`
         - an array (runs, T, k, d) with T steps, k trajectories and d state columns
@@ -255,15 +256,15 @@ def batch(
     seqmap : str or path, optional
         File with the sequences of a layout to evaluate.
     by : str or iterable of str
-        Labels that define the groups, whose rows are added up; by default the first label.
+        Labels that define the groups; by default the first label. The rows of a group are added up.
     workers : int, optional
         Number of processes; by default the number of cores.
     scheduler : str, optional
         Address of a Dask cluster that evaluates the jobs instead of local processes.
     allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
-        Options of the command with the same names.
+        Options of ``tgospa-eval batch`` with the same names.
     band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
-        Kind of bands around the curves over time, which need `per_step`.
+        Kind of the bands around the curves over time. These curves need `per_step`.
     over : {"start", "stamps"}, optional
         Time axis of the curves: time since the start of each run, or timestamps.
     with_, slices : str or iterable of str
@@ -287,8 +288,9 @@ def batch(
     Raises
     ------
     ConfigError, InputError
-        An option or the manifest is wrong, or files are missing: then no job is started. Or the
-        data are in memory, and all jobs failed.
+        An option or the manifest is wrong, or files are missing. Then no job is started. The error
+        is also raised if a worker of `scheduler` does not see a file, or if the data are
+        in memory and all jobs failed.
     """
     given = dict(locals())  # in the first line, so that these are only the parameters
     chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
@@ -336,7 +338,7 @@ def batch(
     if done.page and output is not None:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
-        except ConfigError as error:  # no failure of the batch: all rows are stored
+        except ConfigError as error:  # the batch did not fail: all rows are stored
             messages.append(f"the page was not written: {error}")
     messages += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=text) for text in messages])
@@ -344,7 +346,7 @@ def batch(
 
 
 # -------------------------------------------------------------------------------------------------
-# From the options of a batch to its jobs, and to the rows of those that are not done yet.
+# The jobs that the options of a batch name, and the evaluation of those that are not done yet.
 
 
 def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
@@ -371,7 +373,8 @@ def evaluate_batch(
     Raises
     ------
     TgospaError
-        An option, the manifest or the store is wrong. No job is started.
+        An option, the manifest or the store is wrong; then no job is started. Or a worker does not
+        see a file that this machine sees.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
     _check_options(batch)
@@ -472,12 +475,12 @@ def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
 
 
 def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
-    """Return the jobs, which a layout, two patterns or a manifest names.
+    """Return the jobs that a layout, two patterns or a manifest names.
 
     Raises
     ------
     ConfigError
-        It is not exactly one of the three.
+        Not exactly one of these three is given, or the one that is given is wrong.
     """
     options, output = batch.evaluation, batch.output
     if batch.layout:
@@ -546,7 +549,7 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """Return K and N of the text K/N: which shard it is, counted from 1, and of how many shards.
+    """Return the two numbers of the text K/N: shard K, counted from 1, of N shards.
 
     Raises
     ------
@@ -603,8 +606,8 @@ def _left_over(
 ) -> Iterator[batch_row.JobTask]:
     """Yield the tasks that are not done, and tasks that lack requested steps, curves or folders.
 
-    The new row of a task replaces its row in `before`. If steps or a curve are stored with that
-    row, they are requested again, so that they are not lost.
+    The new row of a task replaces its row in `before`. If the old row has stored steps or a curve,
+    the task requests them again, so that they are not lost.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -626,9 +629,10 @@ def _left_over(
 
 
 def _size(task: batch_row.JobTask) -> int:
-    """Return the bytes of both files, by which tasks are sorted.
+    """Return the size of both files of a task, in bytes.
 
-    Large tasks are started first, so that the last process does not end much later than the others.
+    Tasks with large files are started first, so that the last process does not end much later than
+    the others.
     """
     paths = map(file_of, task.job.files)
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
@@ -729,7 +733,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
         curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
-    # Without --by, nobody asked for a comparison: reasons for a missing ranking are not shown.
+    # Without --by, the user requests no ranking. Reasons why there is none are then not shown.
     settings, unfinished = store.settings(), store.unfinished(len(rows))
     used = settings.get("settings_file")
     notes = (

@@ -45,8 +45,8 @@ NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions", "re
 
 Work = Callable[[], Evaluation]
 Run = Callable[[Work, Stopwatch], Evaluation]
-"""Function that calls the work of a job. That of the command line shows progress and handles
-Ctrl-C."""
+"""Function that calls the work of a job. The command line gives a function that also shows progress
+and handles Ctrl-C."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class JobTask:
     proof : bool
         Whether to write the proof folder.
     per_step : bool
-        Whether to store the costs of its steps.
+        Whether to store the costs of the steps of the job.
     base : str
         With a cluster: the folder to which paths are relative. Otherwise blank.
     store : str
@@ -98,7 +98,7 @@ class JobTask:
 
     @property
     def is_written(self) -> bool:
-        """True if the result folder exists, with the proof if requested, or is not requested."""
+        """True if the result folder, and the proof in it, exist or are not requested."""
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
@@ -119,8 +119,8 @@ def key_of(
     files : iterable of str
         Files that are read.
     digest : callable, optional
-        Function that returns the digest of a file. The default is `digest_of`. A version with a
-        cache reads a file of many jobs only once.
+        Function that returns the digest of a file; by default `digest_of`. Give a function with a
+        cache if many jobs have the same file. Then the file is read only once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
@@ -164,7 +164,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 
 
 def _named(options: Request) -> dict[str, str]:
-    """Return the values of options that can name a file; of ``region`` only the path of a file."""
+    """Return the values of options that can name a file; ``region`` only if it does name one."""
     values = {name: getattr(options, name) for name in NAMING_FILES}
     return {
         name: value
@@ -178,9 +178,9 @@ def evaluate_job(
 ) -> Row:
     """Evaluate a job, and return its row.
 
-    If a file is wrong or the solver fails, the row has the message. For a gate, the row also has
-    the error and the HTML page. `say` receives each line for the user at once. Without it, the row
-    has these lines.
+    If a file is wrong or the solver fails, the row has the message of the error. For a gate, it
+    also has the error itself, or the HTML page if requested. `say` receives each line for the user
+    at once. Without `say`, the row has these lines.
     """
     # lazy: the process that starts the workers evaluates nothing
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides
@@ -248,7 +248,7 @@ def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
 
 
 def _gate_row(result: Evaluation, task: JobTask, here: JobTask) -> Row:
-    """Write the proof of a pair of a gate, and return its HTML page, each if requested."""
+    """Write the proof of a pair of a gate if requested; return its HTML page if requested."""
     if here.folder is not None:
         # lazy: few gates write proofs
         from tgospa_eval.show.files import PROOF, proof_files, write_texts
@@ -360,7 +360,7 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
 # Rows for a gate, evaluated in this process or in several.
 
 PATIENCE = 2.0
-"""Seconds of work in this process before others are started. Their start takes about as long."""
+"""Seconds of work in this process before more processes start. Their start takes about as long."""
 
 SHOWN = 10.0
 """Number of seconds between two lines of progress."""

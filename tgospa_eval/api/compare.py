@@ -74,14 +74,16 @@ ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """Return the checked options with a value in the middle, and the parameters of all points.
+    """Return the checked options with the middle one of the values, and the parameters of points.
 
-    Points are sorted by value. `name` is the parameter that takes the `values`.
+    Each of the `values` gives a point. Points are sorted by value. `name` is the parameter that
+    takes the values.
 
     Raises
     ------
     ConfigError, InputError
-        `evaluate` raises it; or there is no value, a value is repeated, or one is out of range.
+        `evaluate` raises this error; or there is no value, a value is repeated, or one is out of
+        range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
@@ -101,7 +103,8 @@ def sweep_sides(
 ) -> Sweep:
     """Read truth and estimate once, and evaluate them with the parameters of each point.
 
-    `name` is the parameter that differs. Other parameters are those of `read_sides`.
+    `name` is the parameter that has another value at each point. `sides` are truth and estimate.
+    The other arguments are described at `read_sides`.
     """
     read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
     points = sweep_fitted(
@@ -147,13 +150,13 @@ def sweep(
     Warns
     -----
     TgospaWarning
-        The data look wrong, as for `evaluate` with the value in the middle.
+        The data look wrong. The check is that of `evaluate` with the middle one of the values.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it; a value is repeated; or none or several of the four parameters are
-        sequences.
+        `evaluate` raises this error; a value is repeated; or none or several of the four parameters
+        are sequences.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -178,7 +181,7 @@ def sweep(
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
-"""Pattern of a hint in the table that names another command; it is removed in Python."""
+"""Pattern of a hint in the printed table: a command to type. In Python, such hints are removed."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
 """Mapping from name to estimate or to runs, sequence of paths, or runs of one estimate."""
@@ -226,9 +229,10 @@ class Compared(StudyReport):
 
     @property
     def plot_data(self) -> object:
-        """Data of the pictures: of solvers, the document; of estimates, times and costs.
+        """Data of the pictures.
 
-        The best estimate is the first.
+        For solvers, this is the document. For estimates, these are times and costs, with the best
+        estimate first.
         """
         if not self.entrants:
             return self.document
@@ -313,7 +317,7 @@ def compare(
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises it, there is no estimate, or a solver is given twice.
+        `evaluate` raises this error, there is no estimate, or a solver is given twice.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -378,9 +382,10 @@ def _named(estimates: object) -> "Mapping[str, Any]":
 
 
 class PairReader:
-    """Reader that reads pairs of truth and estimate, and builds the problem of each pair.
+    """Reader of pairs of truth and estimate, which also builds the problem of each pair.
 
-    Each notice is given once. If successive pairs have the same file as truth, it is read once.
+    Each notice is given once. If successive pairs have the same file as truth, that file is read
+    once.
 
     Parameters
     ----------
@@ -481,9 +486,9 @@ def ranked(
     Returns
     -------
     tuple
-        The JSON document, and the outcomes of each estimate by its name. After an interruption,
-        only runs in which all estimates are finished count. If there is no such run, the finished
-        estimates of the first run count.
+        The JSON document, and the outcomes of each estimate by its name. After an interruption, the
+        ranking uses only complete runs, in which all estimates are evaluated. If there is no
+        complete run, it uses the evaluated estimates of the first run.
     """
     stopwatch = pairs.stopwatch
     outcomes: dict[str, list[ranking.RunOutcome]] = {}
@@ -552,7 +557,7 @@ HEAD = ("files", "input", "parameters", "warnings", "with")
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Return whether the paths, or patterns of paths, are of saved results and not of data files.
+    """Return true if paths, or patterns of paths, name saved results; false if data files.
 
     Raises
     ------
@@ -626,7 +631,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     for notice in (*warnings, *left_out):
         notify(notice)
     first, *rest = [item["parameters"] for items in heads for item in items]
-    shared = {  # without solvers and units that differ between results
+    shared = {  # a parameter that differs, such as solver or unit, is left out
         name: value
         for name, value in first.items()
         if all(name in other and other[name] == value for other in rest)

@@ -29,13 +29,13 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
     """Return how to reduce particle clouds to `size` particles; None if no size is given.
 
-    `shared` names options of a reduction that the distance has, too. They are no error without a
-    reduction.
+    If no size is given, options of a reduction are an error. One exception: `shared` names options
+    that the distance has, too.
 
     Raises
     ------
     ConfigError
-        An option needs ``--reduce``, or is not for the chosen method of reduction.
+        An option needs ``--reduce``, or does not apply to the chosen method of reduction.
     """
     from tgospa_eval.distances import Reduction  # lazy: most states are no clouds
 
@@ -60,7 +60,7 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
 
 
 def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWasserstein":
-    """Return the distance between clouds `named`, with the settings that the options give.
+    """Return the distance `named`, which compares clouds, with the settings of the options.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
 def _is_given(value: object, default: object) -> bool:
     """Return whether an option has a value that is not its default.
 
-    Arrays cannot be compared, so they always count.
+    An array cannot be compared with a default, so it always counts as given.
     """
     plain = value is None or isinstance(value, int | str | Sequence | Mapping)
     return not plain or (bool(value) and value != default)
@@ -187,16 +187,16 @@ class DistanceOptions:
     def columns(
         requested: Sequence[str] | None, needed: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
-        """Return the requested columns; if they name no state columns, add the `needed` ones."""
+        """Return the requested columns; if none of these is a state column, add the `needed`."""
         if needed is None or parse_columns(requested)[1]:
             return None if requested is None else tuple(requested)
         return (*(requested or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
-        """Return which of R states the distance cannot compare, and why; None if there are none.
+        """Return which of R states the distance cannot compare, and why; None for no such state.
 
-        The check is only for distances that need certain columns, and for states that begin with
-        these. `axes` (d, R) has a row for each of the d columns.
+        The check is done only if the distance needs certain columns, and if `columns` begins with
+        these. `axes` (d, R) has the values of the R states in each of the d columns.
         """
         needed = self.named.columns
         fits = needed is not None and columns[: len(needed)] == needed
@@ -275,7 +275,8 @@ def numbers_by_name(
 ) -> dict[str, float]:
     """Parse texts such as ``x=2,y=3`` to numbers by name.
 
-    `keyword` is the option, for messages. With `default`, a name can stand without a number.
+    `keyword` is the option, for messages. If `default` is given, a name without ``=`` and number
+    gets this number.
     """
     numbers: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):

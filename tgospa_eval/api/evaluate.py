@@ -139,7 +139,8 @@ class TrackPair:
     files : dict
         Paths of ``"truth"`` and ``"estimate"``; None for data in memory.
     said : tuple of Notice
-        Warnings about the data. Notices of how the data were read, and of defaults in use.
+        Warnings about the data, and notices about how the data were read and which defaults are
+        used.
     """
 
     read: tuple[Reading, ...]
@@ -155,12 +156,12 @@ class TrackPair:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Notices of how truth and estimate were read, and of defaults in use."""
+        """Notices about how truth and estimate were read, and which defaults are used."""
         return tuple(notice.sentence for notice in self.said if not notice.code)
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Format, count of rows, and counts of rows that were left out, for truth and estimate."""
+        """Records of truth and estimate: format, number of rows, numbers of rows left out."""
         return [side.record for side in self.read]
 
 
@@ -185,8 +186,8 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        Function of the command line that receives each notice. If it is given, the error about a
-        folder or a pattern of files ends with a command that reads these files.
+        Function that receives each notice; the command line gives one. If it is given, the message
+        of an error about a folder or a pattern ends with a command that reads the files in it.
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     known : dict, optional
@@ -228,7 +229,7 @@ def noticed(
     request : EvaluationRequest
         What to compute.
     sound : bool
-        Whether their times and states were checked before: some tests are then left out.
+        Whether their times and states were checked before. Then some tests are not done again.
     """
     names = display_names(given)
     notices = [*pair_notices(given, names, sides, fitted, request, sound=sound)]
@@ -248,7 +249,7 @@ def evaluate_sides(
     """Evaluate two sides that were read: solve, and prove the bounds.
 
     With ``by="class"`` this is done for each class, and the results are added up. `notify` receives
-    the warnings that arise here; those of reading are only added to the result.
+    only the warnings that arise here. The result also has the warnings that arose in reading.
     """
     result: Result | ByClass
     if resolved.reading.by_class:
@@ -284,7 +285,8 @@ def evaluate_pair(
     stopwatch : Stopwatch
         Running clock with the time of reading.
     files : pair of dict, optional
-        `TrackPair.records` of truth and estimate. Without it, only the rows are counted.
+        `TrackPair.records` of truth and estimate. Without it, the records of the result have only
+        the number of rows of each side.
     """
     prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
     slices = None

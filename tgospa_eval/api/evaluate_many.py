@@ -44,7 +44,7 @@ SMALL = 10_000
 """Largest number of states of a pair that is evaluated together with other pairs."""
 
 FEW = 3
-"""Number of runs that a warning names; it only counts further runs."""
+"""Largest number of runs that a warning names. Further runs are only counted."""
 
 SIZES = ("sizes.steps", "judged.steps", "sizes.truth_states", "sizes.estimate_states")
 """Columns with counts: all steps, steps of the horizon, true states, estimated states."""
@@ -89,7 +89,7 @@ class Evaluations:
     def __getitem__(self, run: "int | str") -> Result:
         """Return the result of a pair, by its index or name.
 
-        It is the result that `evaluate` returns. No Python warning is issued.
+        The result equals that of `evaluate`, but no Python warning is issued.
 
         Raises
         ------
@@ -145,8 +145,8 @@ def evaluate_many(
     ----------
     truth : sequence of pairs, mapping, sequence of sides, array or table
         Without `estimate`: pairs of truth and estimate, or a mapping from names to such pairs. With
-        `estimate`: the truth of each run. Give a sequence, an array (runs, T, k, d), a table with a
-        column ``run``, or a single truth for all runs.
+        `estimate`: the truth of each run as a sequence, an array (runs, T, k, d) or a table with a
+        column ``run``; or a single truth for all runs.
     estimate : sequence of sides, array or table, optional
         The estimates of the same runs.
     cutoff, order, switch_penalty : float, optional
@@ -154,8 +154,8 @@ def evaluate_many(
     mapping : sequence of int, or pair of such, optional
         Components to compare, as in `evaluate`.
     jobs : int, optional
-        Number of processes, which are used if the work takes more than some seconds. The default is
-        the number of cores.
+        Number of processes. Several processes are used only if the work takes more than some
+        seconds. The default is the number of cores.
 
     Returns
     -------
@@ -262,7 +262,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Return the index of the first pair of a chunk; then the row and warnings of each pair."""
+    """Evaluate a chunk; return the index of its first pair, and each pair's row and warnings."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []

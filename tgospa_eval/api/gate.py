@@ -81,7 +81,7 @@ def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict
 
 
 # -------------------------------------------------------------------------------------------------
-# Pairs of files, suites and stores: they are judged, or their baseline is written.
+# Judging of pairs of files, suites and stores, and writing of their baselines.
 
 
 def judge_all(
@@ -147,7 +147,10 @@ def judge_all(
 
 
 def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
-    """Return the report, after warnings of groups and stored jobs, which no evaluation printed."""
+    """Print warnings about groups and stored jobs, and return the report.
+
+    No evaluation printed these warnings: with `stored`, there was none.
+    """
     for one in report.outcomes:
         for warning in one.warnings if stored or one.group else ():
             notify(f"{title(one)}: {warning}")
@@ -199,8 +202,8 @@ def _with_first_changes(
 ) -> Report:
     """Add a note on each truth that changed: its first changed state.
 
-    The earlier file is read from git. Without it, there is no note. At most `MAX_CHANGES` truths
-    are read.
+    The earlier file of the truth is read from `target`, or else from git. If it is not there, no
+    note is added. At most `MAX_CHANGES` truths are read.
     """
     there = {pair.name: pair for pair in pairs}
     outcomes = list(report.outcomes)
@@ -290,8 +293,8 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # A run with a new seed is not new if the target has its truth and a run of the same scene:
-        # it is judged with its group.
+        # A scene is all labels but the seed. If the target has the truth of a run, and the baseline
+        # has a run of the same scene, a new seed does not make the run new: its group judges it.
         in_group = target.has(pair.truth) and scene(pair.labels) in scenes
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
@@ -434,7 +437,7 @@ def _naming_files(options: Mapping[str, object]) -> list[str]:
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
     """Return options as the baseline at `path` records them: lists as texts, and relative paths.
 
-    Paths are relative to the folder of the baseline. Those on another drive are absolute.
+    Paths are relative to the folder of the baseline, but absolute if they are on another drive.
     """
     portable = {
         key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
@@ -450,14 +453,14 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Stores of batches, which are judged or serve as a baseline.
+# Stores of batches: one is judged, and another one can be the baseline.
 
 
 def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
     """Return the baseline in a file, or that of the jobs of a store; None if there is no file.
 
-    Jobs that failed are not in the baseline of a store. The baseline file can have a merge conflict
-    from git in entries for which `renewed` returns true, because these are replaced later.
+    Jobs that failed are not in the baseline of a store. `renewed` returns true for entries that are
+    replaced later. In these entries, a merge conflict from git is no error.
 
     Raises
     ------
@@ -474,13 +477,13 @@ def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Ba
 
 
 def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str | None]:
-    """Return the path of the store to judge, and that of the baseline, if any.
+    """Return the path of the store to judge, and the path of the baseline or None.
 
     Raises
     ------
     ConfigError
-        An option is only for evaluations, the baseline or what to judge is given twice, or `second`
-        is no store.
+        An option applies only to evaluations; two baselines are given; both a store and a suite are
+        given; store and baseline are the same; or `second` is no store.
     """
     typed = [*gate.given("commandline")]
     if gate.proof:
@@ -543,7 +546,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
 # The Python function ``gate``.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
-"""Options that change the value: their keywords, by the names that a baseline uses."""
+"""Keywords of the options that change the value. The keys are the names in a baseline."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -632,14 +635,14 @@ def gate(
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
         Truth and estimate, as for `evaluate`.
     baseline : str or path, optional
-        JSON file of the baseline, which `update_baseline` writes. The command line uses the same
-        format. A suite can name its baseline, too.
+        JSON file of the baseline, in the format of the command line. `update_baseline` writes this
+        file. A suite can name its baseline, too.
     suite : str or path, optional
         TOML file with several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
         Git revision or folder from which suite, baseline, truths and configuration are read.
     newer_than : str or path, optional
-        A file or a time. Estimates of a suite with an older file fail.
+        A time, or a file with this time. A pair of a suite fails if its estimate is an older file.
     fail_on : str or iterable of str
         Rules such as ``"total:+2%"`` or ``"nees:1.5..2.5"``; by default ``"total:+0.001%"``.
     warn_on : str or iterable of str
@@ -652,22 +655,24 @@ def gate(
     confidence : float, optional
         Confidence of conclusions from runs with different seeds; 0.975 by default.
     seed_label : str, optional
-        Label in which the runs of one scene differ; ``"seed"`` by default.
+        Label of the random seed; ``"seed"`` by default. Runs that differ only in this label are
+        runs of one scene.
     update_baseline : bool
         Whether to write the baseline instead of judging.
     add : bool
-        Whether an update adds its values to those of earlier updates (nightly runs). Rules then
-        compare with the mean of the last runs, at most 10.
+        Whether an update keeps the values of earlier updates (nightly runs) beside its own. Rules
+        then compare with the mean of the last runs, at most 10.
     only : str or iterable of str
         Patterns of names of pairs of a suite. An update changes only the entries of these pairs.
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group fails that has new runs, or whose seeds may be why it is above its limit.
+        Whether a group above its limit fails even if the choice of seeds can explain this. If true,
+        a group with new runs does not pass, either.
 
-    Options that are not given come from the suite or the baseline, else they have the defaults of
-    `evaluate`. Options of a suite must be texts or numbers. Objects such as distances, matrices and
-    tables are refused.
+    Options that are not given come from the suite or the baseline. If these lack an option, it has
+    the default of `evaluate`. Options of a suite must be texts or numbers. Objects such as
+    distances, matrices and tables are refused.
 
     Returns
     -------
@@ -677,7 +682,7 @@ def gate(
     Raises
     ------
     ConfigError, InputError
-        `evaluate` raises it, a rule is wrong, or the baseline or the suite cannot be read.
+        `evaluate` raises this error, a rule is wrong, or the baseline or the suite cannot be read.
     TypeError
         The arguments are neither truth, estimate and baseline, nor a suite; or `limits` is not a
         mapping.

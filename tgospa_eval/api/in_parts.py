@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
-"""Size in bytes below which files count as small enough for any memory, if no limit is given."""
+"""Number of bytes. If no limit of memory is given, files that have fewer are read at once."""
 
 IN_PARTS = ("csv", "parquet")
 """Formats of files that can be read in parts."""
 
 TIP = 1 << 16
-"""Number of bytes that are read at the begin and at the end of a file, for header and times."""
+"""Number of bytes that are read at each end of a file, to get its header and its times."""
 
 UNKNOWN_MEMORY = 2 * 10**9
 """Default limit of memory if the memory of the machine is unknown."""
@@ -55,7 +55,7 @@ Moment: TypeAlias = tuple[str, float]
 
 
 def memory_of(limit: int | None) -> int | None:
-    """Return `limit`, or by default half of the memory of the machine; None if that is unknown."""
+    """Return `limit`; if it is None, return half of the memory of the machine, None if unknown."""
     if limit is not None:
         return limit
     whole = machine_memory()
@@ -123,13 +123,13 @@ def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] =
     why : str
         Why the data are read in parts, for the message.
     further : iterable of pair of str
-        Options in use that are not in `options` and need all data in memory. Each has an advice
-        what to do instead.
+        More options that need all data in memory and are in use, but are not in `options`. Each
+        option is a pair: its name, and advice what to do instead.
 
     Raises
     ------
     ConfigError
-        Such an option is given.
+        An option that needs all data in memory is given.
     """
     requested = [
         (option(name), about.parts)
@@ -151,7 +151,7 @@ def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] =
 
 
 def jobs_of(options: Request) -> int:
-    """Return the number of local processes that evaluate; with a cluster, 1."""
+    """Return the number of local processes; it is 1 if a cluster does the work."""
     return 1 if options.scheduler else options.jobs or cores()
 
 
@@ -224,13 +224,15 @@ def in_parts_if_large(
 ) -> ResultInParts | None:
     """Evaluate folders of tables, or files that do not fit into memory; return None for other data.
 
-    Tables of the result are in a temporary folder, which is removed when the result is deleted. If
-    `why` is given, it is the reason to read in parts. Otherwise sizes of files decide.
+    Tables of the result are in a temporary folder, which is removed when the result is deleted.
+    `why` is the reason to read in parts, if it is known. If it is None, the paths and the sizes of
+    the files decide.
 
     Raises
     ------
     ConfigError
-        Data in parts do not support an option, or an option needs data in parts.
+        The data are read in parts, but an option needs all data at once. Or the data are not read
+        in parts, but an option needs this.
     """
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)
@@ -253,9 +255,10 @@ def in_parts_if_large(
 def is_recording(folder: str, columns: str) -> bool:
     """Return whether the tables of a folder are parts of one recording.
 
-    Parquet files always are. CSV files are if there are several, all have the same header, and
-    their ranges of time do not overlap. A folder of nuScenes is no recording in parts. `columns`
-    has the options for columns, which may map ``t`` to a header.
+    A folder of Parquet files is always one recording. A folder of CSV files is one recording if it
+    has several files with the same header, and their ranges of time do not overlap. A folder of
+    nuScenes is no recording in parts. `columns` is the text of the options for columns. It can map
+    ``t`` to a header.
     """
     if is_table_folder(folder):
         return False

@@ -23,7 +23,7 @@ OF_THE_COMMAND = ("memory", "scheduler", "explain")
 Functions that need `memory` and `scheduler` declare them. `explain` is a method of results."""
 
 KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
-"""Keywords by the names of options on the command line: ``"class"`` is ``class_``."""
+"""Keyword of each option, by its name on the command line: ``"class"`` has ``"class_"``."""
 
 IN_OBJECTS = {
     "distance": "a record of `tgospa_eval.distances`",
@@ -100,7 +100,7 @@ def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> No
 
 
 def _keyword_of(name: str) -> str | None:
-    """Return the keyword of an option for a name on the command line: gamma is `switch_penalty`."""
+    """Return the keyword for a name on the command line: ``switch_penalty`` for ``gamma``."""
     for field, about in OPTION_SPECS.items():
         if name.replace("_", "-") in re.findall(r"-([\w-]+)", about.declaration.replace("--", "-")):
             return field
@@ -160,7 +160,7 @@ def _value(name: str, value: object) -> Any:
     if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
         return _names(name, value)
     if isinstance(value, str):
-        # Names of distances and solvers are checked where these are made.
+        # Names of distances and solvers are checked later, when the objects are made.
         known = about.choices if name not in ("distance", "solver") else ()
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")

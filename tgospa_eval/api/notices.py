@@ -24,7 +24,7 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
-"""Smallest relative gap that is reached for sure, because bounds are rounded outward."""
+"""Relative gap that is always reached. Outward rounding of the bounds can prevent smaller gaps."""
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -44,13 +44,13 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
 
 
 def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
-    """Warn if two files have the same states, which a tracker never has."""
+    """Warn if both files have exactly the same states; a tracker never returns the true states."""
     if (
         len(truth.step) == len(estimate.step) > 1
         and np.array_equal(truth.track, estimate.track)
         and np.array_equal(truth.state, estimate.state)
         and np.array_equal(truth.times[truth.step], estimate.times[estimate.step])
-        and np.abs(truth.state).max() < 2.0**52  # larger ones may have been rounded
+        and np.abs(truth.state).max() < 2.0**52  # larger numbers may have been rounded
     ):
         yield Notice(
             code="same-data",
@@ -77,7 +77,7 @@ def pair_notices(
     sides, request : AlignedPair, EvaluationRequest
         Truth and estimate on one time grid, and what to compute.
     sound : bool
-        Whether times and states were checked before: some tests are then left out.
+        Whether times and states were checked before. Then some tests are not done again.
     """
     for name, side in zip(names, files, strict=True):
         yield from about(name, side)
@@ -117,7 +117,10 @@ def pair_notices(
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """Explain what states without covariances mean; a side that is true has no covariances."""
+    """Explain the effect of missing covariances.
+
+    `truth` is true if the truth has no covariances, `estimate` if the estimate has none.
+    """
     if truth and estimate:
         yield "neither side has covariances: gaussian-wasserstein equals the euclidean distance"
     elif truth:
@@ -149,7 +152,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield times and progress of the run if `verbose`, and which values missed the accuracy."""
+    """Yield which values did not reach the accuracy; if `verbose`, also times and progress."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:

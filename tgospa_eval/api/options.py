@@ -20,7 +20,7 @@ from tgospa_eval.quoting import quoted
 if TYPE_CHECKING:
     from tgospa_eval.show.batch import BandKind
 
-# Copied from the modules that define these names, which import numpy; tests compare both.
+# Copies of names from modules that import numpy, which is slow. Tests compare both.
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
@@ -634,10 +634,10 @@ OPTION_SPECS = Request.settings()
 """Specification of each option, by the name of its field."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Names of fields by the names of options in a settings file, without options of `OF_EVALUATE`."""
+"""Field of each option, by the name of the option in a settings file; without `OF_EVALUATE`."""
 
 OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Names of the fields whose options only `evaluate` has."""
+"""Names of fields. Their options exist only for `evaluate`."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 

@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 
 # -------------------------------------------------------------------------------------------------
-# Errors if a path is a folder or a pattern of files: what is in it, and what to type instead.
+# Errors about a path that is a folder or a pattern. They list its files and a command to type.
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz", ".mat")
 ASIDE = {"det", "img1", "seqmaps"}
 """Names of folders of MOTChallenge that have no tracks."""
 
 DEEP = 4
-"""Number of levels of a search, with the file: 4 in train/MOT17-02/gt/gt.txt."""
+"""Largest number of parts of a path that a search finds: train/MOT17-02/gt/gt.txt has 4 parts."""
 
 MAX_FILES = 10_000
 """Number of files after which a search ends."""
@@ -52,7 +52,7 @@ SHAPES = 20
 
 
 Place = tuple[str, tuple[str, tuple[str, ...]]]
-"""A message about a folder or a pattern; then the folder, and the files in it that matter."""
+"""A message about a folder or a pattern; then the folder, and the tables that were found in it."""
 
 
 CSV = re.compile(r".*\.csv(\.gz|\.zst)?", re.IGNORECASE).fullmatch
@@ -128,7 +128,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """Yield commands that read the files which belong together in these places."""
+    """Yield commands to type: they read files of the places that fit each other by their names."""
     shapes = [
         _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
@@ -198,10 +198,11 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Return the shapes of paths with most files, and for each the path of each name.
+    """Return the shapes that most files of a place have.
 
     A shape is a path with `{}` for a name: gt/MOT17-02/gt/gt.txt has the shape gt/{}/gt/gt.txt with
-    the name MOT17-02. A path has several shapes.
+    the name MOT17-02. A path has several shapes. The answer has a dict for each shape, with the
+    path of each name.
     """
     folder, files = place
     shapes: dict[str, dict[str, str]] = {}
@@ -225,8 +226,9 @@ def _fit(
 ) -> tuple[int, bool, int]:
     """Return how well a shape of the truth and one of the estimate match; the largest is best.
 
-    The number of names that both have counts first, then whether the path of the truth has a part
-    ``gt``, then how short the shapes are.
+    The first number of the answer is the number of names that both shapes have. If two answers have
+    the same first number, the second one decides: it is true if the path of the truth has a part
+    ``gt``. The third number prefers short shapes.
     """
     common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
@@ -251,8 +253,8 @@ def read_pair(
 ) -> tuple[Reading, ...]:
     """Read truth and estimate, or only the truth, or the states of sensors.
 
-    Both sides are converted to the same units, clock and frame. Rows that options exclude are left
-    out.
+    Truth and estimate are converted to the same units, clock and frame. Rows that options exclude
+    are left out.
 
     Parameters
     ----------
@@ -269,8 +271,8 @@ def read_pair(
     advise : bool
         Whether a folder or a pattern of files is an error with a command to type.
     known : dict, optional
-        Cache of the truth that was read last; the key is its path. This function updates it, so
-        that several estimates share one reading of their truth.
+        Cache of the truth that was read last; the key is its path. This function updates it. Pass
+        the same dict for several estimates to read their truth once.
 
     Raises
     ------
@@ -311,8 +313,8 @@ def _read(
 ) -> tuple[Reading, ...]:
     """Read all sides, and raise the errors of all sides together.
 
-    All are read by the same columns of positions. Heights are part of the states if both sides have
-    them. Parameters are those of `read_pair`.
+    The states of all sides are made from the same columns of positions, if this is possible.
+    Heights are part of the states if both sides have heights. Parameters are those of `read_pair`.
     """
     distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if objects.is_path(side))
@@ -340,7 +342,7 @@ def _read(
         raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
     if known is not None and objects.is_path(given[0]) and made[0]:
         known.clear()
-        known[names[0]] = made[0]  # as read by its options, before it is adapted to this estimate
+        known[names[0]] = made[0]  # the truth, before it is adapted to this estimate
     made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None
@@ -383,7 +385,10 @@ def _stays(side: object) -> bool:
 def _converted(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
-    """Convert side `k` to the requested times and units, unless its reader did so; return both."""
+    """Convert side `k` to the requested times and units, unless its reader did this.
+
+    Return both sides.
+    """
     conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
@@ -420,10 +425,10 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return both sides; with ``--preprocess``, without the rows that a benchmark leaves out.
+    """Return both sides. ``--preprocess`` leaves out rows by the rules of a benchmark.
 
-    Without ``--preprocess``, a warning says if a metric of MOTChallenge is requested and the truth
-    has such rows.
+    Without ``--preprocess``, all rows are returned. If a metric of MOTChallenge is requested, and
+    the truth has rows that this benchmark leaves out, the truth gets a warning.
 
     Raises
     ------
@@ -441,7 +446,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """Read the truth with the rows of all classes, also those that a flag says to ignore."""
+        """Read all rows of the truth: of all classes, and also those with a flag to ignore them."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 Frame: TypeAlias = "tuple[list[str], Floats, Floats | Clouds | None]"
-"""Truth or estimate at one time: ids, states, and their covariances or particles, if any."""
+"""One side of a frame, truth or estimate: ids; states; covariances, particles or None."""
 
 PARTICLES = 3
 """Number of axes of an array of particles (n, N, d): n objects with N particles of d columns."""
@@ -35,7 +35,8 @@ PARTICLES = 3
 class Recorder:
     """Recorder that collects truth and estimate frame by frame, and evaluates them at any time.
 
-    The time of an update depends only on its own frame, not on the number of earlier frames.
+    A frame is truth and estimate at one time. The time that `update` takes to add a frame does not
+    depend on the number of earlier frames.
 
     Examples
     --------
@@ -91,10 +92,10 @@ class Recorder:
         Raises
         ------
         InputError
-            An id is a duplicate, or the time does not increase. Or there are not as many states,
-            covariances or weights as ids. Or the states have another number of components or
-            another kind (points, Gaussians, particles) than in earlier frames. The frame is not
-            added.
+            The frame is not added, for one of these reasons: an id is a duplicate; the time does
+            not increase; there are not as many states, covariances or weights as ids; the states
+            have another number of components or another kind (points, Gaussians, particles) than in
+            earlier frames.
         """
         t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # array or tensor
         where = f"update at t = {t}"
@@ -169,7 +170,7 @@ class Recorder:
         Raises
         ------
         ConfigError, InputError
-            `tgospa_eval.evaluate` raises it.
+            `tgospa_eval.evaluate` raises this error.
         """
         columns = as_distance(options.get("distance")).columns
         truth, estimate = (self._trajectories(name, columns) for name in ROLES)

@@ -1,4 +1,4 @@
-"""Check of the options of an evaluation, which are then sorted into dataclasses."""
+"""Check of the options of an evaluation, and their distribution to dataclasses."""
 
 import math
 from collections.abc import Iterable
@@ -44,21 +44,21 @@ class ResolvedRequest:
     Parameters
     ----------
     evaluation : EvaluationRequest
-        What to evaluate. Its distance is complete only in the answer of `request`, when the state
-        columns of the files are known.
+        What to evaluate. Its distance is not complete before the state columns of the files are
+        known. The method `request` then completes it.
     measure : DistanceOptions
         Options of the distance; with the state columns, they give the complete distance.
     reading : ReadOptions
         How to read truth and estimate, as far as this is the same for both.
     each : pair of ReadOptions
-        How to read the truth, and how to read the estimate: `reading` with the columns, classes and
-        further options of each.
+        How to read the truth, and how to read the estimate. Each is `reading` plus the options that
+        apply only to this side, such as columns and classes.
     formats : pair of str or None
         Formats of truth and estimate; None for a format that is guessed.
     conversions : pair of Conversion
         Conversions of the timestamps and states of truth and estimate.
     preprocess : str, optional
-        Benchmark, such as ``"motchallenge"``, by whose rules rows are left out.
+        Benchmark, such as ``"motchallenge"``. Rows are left out by its rules.
     frames : Frames, optional
         Coordinate frames of truth and estimate, if they are converted to one frame.
     coverage : str, optional
@@ -68,7 +68,7 @@ class ResolvedRequest:
     tracked_shares : TrackedShares
         Followed shares at which the summary counts an object as "mostly tracked" or "mostly lost".
     allow_empty : bool
-        If true, it is no error that filters leave no row.
+        Whether filters may leave out all rows. If false, this is an error.
     """
 
     evaluation: EvaluationRequest
@@ -420,7 +420,7 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
 
 
 def _form(options: Request, role: str) -> "TimeForm | None":
-    """Return the format and zone of times that options declare for the file of a role, if any."""
+    """Return the declared format and zone of the times of a side; None if options declare none."""
     given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
     if given == [None, None]:
         return None
@@ -461,7 +461,7 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
 
 
 def _of_tables(options: Request, side: str) -> str:
-    """Return the name of the first option in use that needs a file or table; a blank for none.
+    """Return the name of the first given option that needs a file or table; ``""`` for none.
 
     The options for `side` (``"truth"`` or ``"estimate"``) come first, then those for both.
     """
@@ -537,8 +537,8 @@ def _each(
             option=f"{side}_columns",
             form=_form(options, role),
             of_tables=_of_tables(options, role),
-            # With a distance object, the angles among the columns are known only after reading,
-            # and `read_pair` converts the states then.
+            # Angles must not be scaled like lengths. If the distance is an object, it is known only
+            # after reading which columns are angles. `read_pair` then converts the states.
             conversion=Conversion() if measure.is_record else conversion,
         )
         for (names, classes, where), (

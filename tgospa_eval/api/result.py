@@ -66,7 +66,7 @@ class Showable(Evaluation, Reportable):
         Raises
         ------
         ConfigError
-            The attribute is unknown, or its values do not fit the request.
+            The attribute is unknown, or its values do not allow the requested slices.
         """
         if not by:
             return self.slicings
@@ -84,8 +84,8 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot the cost of each step as a bar, stacked: localisation, missed, false, switch.
 
-        With too many steps for this, each bar is the costliest of several steps. The axis says of
-        how many.
+        If there are too many steps for this, a bar stands for several successive steps, and shows
+        the costliest of them. The label of the axis gives the number of these steps.
 
         Parameters
         ----------
@@ -95,8 +95,8 @@ class Showable(Evaluation, Reportable):
             Parts of the cost to plot: some of ``"localisation"``, ``"missed"``, ``"false"``,
             ``"switch"``; all by default.
         ax, figure : Axes, Figure or SubFigure of matplotlib, optional
-            Where to draw: Axes if the picture has one panel, which then has no title; or an empty
-            figure. The default is a new figure.
+            Where to draw: in an empty figure, or in Axes if the picture has only one panel. A
+            picture in Axes has no title. The default is a new figure.
 
         Returns
         -------
@@ -127,12 +127,13 @@ class Showable(Evaluation, Reportable):
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot a lane for each true object with the tracks that follow it, and for false tracks.
+        """Plot a lane for each true object with its tracks, and for each track with false steps.
 
         A framed gap is a missed target, and a triangle is a switch. The darker lower part of a bar
-        is the error as a share of the cutoff. If there are too many trajectories, only the
-        costliest have lanes of their own. The others share one lane, whose height is the number of
-        missed or false targets. Parameters, errors and return value are those of `plot_costs`.
+        is the error as a share of the cutoff. If there are too many trajectories, lanes are given
+        first to those with missed or false steps or switches, then to the costliest. The others
+        share one lane. Its height is the number of missed or false targets. Parameters, errors and
+        return value are those of `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
 
@@ -145,9 +146,10 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot trajectories in two state columns, with missed and false targets and switches.
 
-        States can be boxes, normal distributions (drawn as 95 % ellipses) or particles. Then these
+        States can be boxes, normal distributions (drawn as 95 % ellipses) or particles. Their
         shapes are drawn at some steps of a few trajectories. A second panel shows all shapes near
-        the assigned pair with the largest distance. Both need two columns that show the shapes.
+        the assigned pair with the largest distance. For both, the states must have shapes in the
+        two columns.
 
         Parameters
         ----------
@@ -171,7 +173,7 @@ class Showable(Evaluation, Reportable):
         return self._plot("plane", columns=columns, style=style, **place)
 
     def plot_nees(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot the NEES of each step, with the band that it should be in with probability 95 %.
+        """Plot the NEES of each step, and the 95 % band of a calibrated filter.
 
         NEES is the squared error in units of the covariance. For particle clouds a second panel
         shows the rank of the truth among the particles.
@@ -238,9 +240,9 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
         """Return a DataFrame of one row with all numbers, like a row of `Batch.rows`.
 
-        With `name`, return a table as plain columns instead. Names are those of the DataFrames of a
-        result, such as ``"per_step"``, and ``"per_class"``. A table that was not requested has no
-        columns.
+        With `name`, return the table of this name as plain columns instead. A name is
+        ``"per_class"``, or that of a DataFrame of the result, such as ``"per_step"``. A table that
+        was not requested has no columns.
 
         Raises
         ------

@@ -45,8 +45,8 @@ class Association(Pairing):
     first, second : Trajectories
         States of the first and of the second sensor, on the same time steps.
     pairs : Pairs
-        N pairs of states of the same step, whose distance was measured: those nearer than the
-        cutoff, or all if requested.
+        N pairs of states of the same step, with measured distances: the pairs nearer than the
+        cutoff, or all pairs if requested.
     apart : (N,) float array
         Distance between the means of the two states of each pair.
     chosen : (N,) bool array
@@ -143,7 +143,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options of `associate` with the fields of a `Request` that it does not offer."""
+    """Add further fields of a `Request` to the options of `associate`; users cannot set these."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -198,7 +198,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Read each side as an estimate is read; issue a Python warning if data look wrong."""
+    """Read all data like estimates, not like a truth; issue a Python warning if data look wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:

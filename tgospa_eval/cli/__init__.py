@@ -27,8 +27,8 @@ from tgospa_eval.quoting import COMMAND, spelled_for
 # -------------------------------------------------------------------------------------------------
 # If memory is limited (``ulimit -v``), a child process does the work.
 #
-# Compiled code that gets no memory can abort, or exit with any status, even that of a regression.
-# Then the parent process still reports that memory was too little.
+# Compiled code that gets no memory can abort, or exit with any status, even with 1, which means a
+# regression. In all these cases, the parent process reports that memory was too little.
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
 """Signals that can end a process because it lacks memory; other signals have other causes."""
@@ -59,8 +59,8 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
-        os.setpgid(0, 0)  # a terminal then interrupts only the parent, which passes the signal on
-        # Each thread takes address space. If that is lacking, OpenBLAS hangs or interrupts us.
+        os.setpgid(0, 0)  # Ctrl-C then reaches only the parent, which passes it on to the child
+        # Each thread takes address space. If there is too little, OpenBLAS hangs or sends SIGINT.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         status = work()
         os.write(mark, b"\n")
@@ -101,8 +101,8 @@ def _limit() -> int | None:
 
 
 NEW_OBJECTS = 50_000
-"""Number of new objects after which Python searches for garbage. There is next to nothing to free.
-The default of 700 costs 3 % of the time of a small evaluation, and 4 % with pictures."""
+"""Number of new objects after which Python searches for garbage. An evaluation makes almost none.
+Python's default of 700 takes 3 % of the time of a small evaluation, and 4 % with pictures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -113,9 +113,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # At exit, Python would search all modules for garbage. That takes as long as a small evaluation
     # and is of no use, because the memory of the process is freed anyway.
     atexit.register(gc.freeze)
-    if arguments is None:  # this process runs nothing else
+    if arguments is None:  # then the process is the command itself, and not a Python program
         gc.set_threshold(NEW_OBJECTS)
-        # Matrices are small. To start threads of BLAS takes longer than a small evaluation.
+        # Matrices are small, and the start of BLAS threads takes longer than a small evaluation.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     files.announce = print_notice
 
@@ -184,7 +184,7 @@ def _end_interrupted() -> None:
 
 def _invoke(arguments: list[str] | None) -> int | None:
     """Run the command line, and check that its output was written."""
-    if sys.stderr is None:  # otherwise the next file that is opened would get its number, 2
+    if sys.stderr is None:  # reserve the number 2, else the next opened file gets it
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     check_stdout()
     try:

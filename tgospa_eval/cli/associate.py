@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""Names in a settings file of the options of ``evaluate`` that this verb has, too."""
+"""Options of ``evaluate`` that this verb has, too, by their names in a settings file."""
 
 _output = partial(Option, section="Output")
 

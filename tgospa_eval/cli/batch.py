@@ -23,7 +23,7 @@ OF_REPORT = {
 
 
 class Batch(Verb):
-    """Command whose reports show stored results."""
+    """Command ``batch``, with the reports of stored results, ``batch report``."""
 
     def uses(self, ctx: click.Context, name: str) -> bool:
         """Return whether an option applies: to a report, only those of reports."""
@@ -97,7 +97,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if done.page:
         try:
             _write(done.store, tables, output)
-        except ConfigError as error:  # no failure of the batch: all rows are stored
+        except ConfigError as error:  # the batch did not fail: all rows are stored
             print_notice(f"the page was not written: {error}")
     for text in () if output.quiet else done.notices:
         print_notice(text)
@@ -131,7 +131,7 @@ def _check_typed(ctx: click.Context) -> None:
     Raises
     ------
     click.UsageError
-        An option is only for evaluating, but a report shows stored results.
+        An option is only for evaluations. A report evaluates nothing.
     """
     given = typed_options(ctx)
     for name in ctx.params:

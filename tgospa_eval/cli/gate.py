@@ -46,10 +46,9 @@ GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
-    """Command that keeps two things before parsing.
+    """Command that stores its arguments and the target of ``--against`` before parsing.
 
-    These are its arguments, which messages repeat, and the target of ``--against``, from which
-    configuration is read.
+    Messages repeat the arguments. Configuration is read from the target.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -191,7 +190,7 @@ def _run(
     for outcome in report.outcomes:
         for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
             print_notice((f"{outcome.name}: " if several else "") + note)
-    # Files are written before stdout. If stdout cannot be written, report and verdict are kept.
+    # Files are written first. They have the report and verdict even if stdout cannot be written.
     status = worst((report.status, _publish(gate, report)))
     try:
         emit(_printed(report, output.format_), output.format_)
@@ -214,7 +213,7 @@ def _printed(report: "Report", format: str) -> str:
 def _publish(gate: GateOptions, report: "Report") -> int:
     """Write the requested files, and the annotations and step summary of GitHub.
 
-    Return 2 if one cannot be written, else 0. The rest is written even then.
+    Return 0, or 2 if one of them cannot be written. The others are written even then.
     """
     from tgospa_eval.campaign.gate.report import annotations, append_summary, junit
     from tgospa_eval.common.writing import write_file

@@ -103,7 +103,8 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
     """Return statistics of the known values of a column.
 
-    Return None if a ``"wasserstein"`` is unknown, because such distances can be the largest.
+    For the column ``"wasserstein"``, return None if a value is unknown. The unknown values can be
+    the largest, so statistics of the others would mislead.
     """
     import numpy as np
 

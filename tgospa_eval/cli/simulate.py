@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tgospa_eval.show.files import Kind
     from tgospa_eval.tracks.trajectories import Trajectories
 
-# Copied from the modules that define these names, which import numpy; a test compares both.
+# Copies of names from modules that import numpy, which is slow. A test compares both.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
 PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
 BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
@@ -31,7 +31,7 @@ OPTION = "DIR"
 """Word with which messages about the folder begin."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
-"""Distances for states other than points."""
+"""Distance for each kind of state except points."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
@@ -231,7 +231,7 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     setting, kind = PUBLISHED[name], _kind(names)
     probe_folder(folder, kind, force=force, subject=OPTION)
     truth, estimate, measurements = run_setting(setting, seed)
-    # The file has a row for each measurement. Measurements of a step are in random order.
+    # The file of measurements has a row for each; those of a step are in random order.
     rows = (
         f"{time},{x!r},{y!r}\n"
         for time, points in zip(truth.times.tolist(), measurements, strict=True)

@@ -137,8 +137,8 @@ class Verbs(click.Group):
             elif text.startswith("--"):
                 skip = text in taking
             elif text.startswith("-") and len(text) > 1:
-                # In joined letters, as in -qc5, the first option with a value takes the rest as its
-                # value. If there is no rest, its value is the next argument.
+                # In joined letters, as in -qc5, the first option that takes a value takes the rest
+                # (5). If there is no rest, the next argument is its value.
                 value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
                 skip = value == len(text) - 1
             else:
@@ -149,8 +149,8 @@ class Verbs(click.Group):
 def _files_like(begin: str) -> list[str]:
     """Return the names of files in the current folder that begin with a text.
 
-    Names with blanks are left out, because shells split them in a list with verbs. The shell itself
-    completes them once no verb begins with the text.
+    Names with blanks are left out: in a list that also has verbs, the shell would split them. If no
+    verb begins with the text, the shell itself completes the names of files.
     """
     import os  # lazy: few runs are completions
 

@@ -22,10 +22,10 @@ NOT_OF_THE_TABLES = (
     *("cutoff", "order", "switch_penalty", "rho", "distance", "unit"),
     *("solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
-"""Options of the metric and of the solver, which the output does not name.
+"""Options of the metric and of the solver. The output does not name them.
 
-`verify_tgospa.EXTRAS` has further options of distances, which it does not name either. All other
-options of a proof say how files are read, and the output names them."""
+The output does not name the options of distances in `verify_tgospa.EXTRAS`, either. All other
+options of a proof say how files are read. The output names these."""
 
 
 NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
@@ -151,7 +151,7 @@ def _check_tables(
         prepared, classes = _prepared(files, proof, options, stopwatch)
         compared, parameters = prepared.compared, prepared.parameters
         check_provable(compared, parameters)
-    except ConfigError as error:  # of an option in the proof, and so of a file
+    except ConfigError as error:  # a wrong option in the proof is an error of its file
         raise InputError(f"{folder}: proof.json, options: {error}") from None
     problem = prepared.states.problem
     for name, proven, must in _differing(
@@ -204,7 +204,7 @@ def _differing(
 
 
 def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of a proof, with the files that the command line names for them.
+    """Return the options of a proof; files of options are those that the command line names.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
 ) -> "tuple[PreparedPair, list[str]]":
-    """Return the problem of an evaluation of these files with `options`, and the files' classes."""
+    """Return the problem of these files with `options`, and the names of their classes."""
     from tgospa_eval.api.keywords import requested
     from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request

@@ -14,8 +14,8 @@ from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
-"""Options of evaluations that this verb lacks or has in another form. The option ``by`` is hidden:
-in a settings file it is ignored, with a notice."""
+"""Options of evaluations that this verb lacks or has in another form. Here, ``by`` is a hidden
+option: if a settings file has it, a notice says that it is ignored."""
 
 OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in click_builder.EVALUATION if item.key not in ELSEWHERE]
@@ -32,7 +32,7 @@ OF_RESULTS = {
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
-# All verbs share a settings file, so it cannot set options that only this verb has.
+# All verbs share a settings file. It cannot set the following options, which only this verb has.
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",

@@ -37,7 +37,8 @@ from tgospa_eval.solvers.sinkhorn import Sinkhorn
 Number = TypeVar("Number", int, float)
 
 MakeSolvers = Callable[..., list[Solver]]
-"""`make_solvers` with the options of the user; its arguments are default names and temperatures."""
+"""Function that calls `make_solvers` with the options of the user. Its arguments are `names` and
+`temperatures`, the defaults."""
 
 TEMPERATURES = "0.1,0.05,0.03,0.01"
 """Default temperatures of the solver ``sinkhorn``."""
@@ -101,8 +102,9 @@ def make_solvers(
 ) -> list[Solver]:
     """Return the requested solvers, by default those in `names`.
 
-    ``sinkhorn`` is returned once for each temperature in `epsilon`, by default in `temperatures`.
-    All are texts with commas.
+    The solver ``sinkhorn`` is returned once for each temperature. Temperatures are those in
+    `epsilon`, by default those in `temperatures`. All arguments but the first are texts with
+    commas.
 
     Raises
     ------

@@ -15,7 +15,7 @@ FOR_PARTS = (
     "evaluations: tgospa-eval batch"
 )
 MANY = 8
-"""Number of further files from which a message no longer lists them."""
+"""Number of additional files. A message lists them only if they are fewer than this."""
 
 
 class Files(Verb):

@@ -32,7 +32,7 @@ from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 from tgospa_eval.show.files import WORK_FOLDER, WORK_LOG
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
-"""Names of the tables that are written to the folder of ``-o``, which no other file can have."""
+"""Names of the tables in the folder of ``-o``. No other file in it can have such a name."""
 
 
 def evaluate_parts(
@@ -131,8 +131,8 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         over = False
         try:
             yield work.absolute()  # workers of a cluster have other current folders
-            over = not interrupted()  # otherwise the result was not written
-        except InputError:  # without a scan, the work is useless when the data are corrected
+            over = not interrupted()  # after an interruption, no result was written
+        except InputError:  # useful after a correction of the data only if they were scanned
             over = not (work / SCANNED).exists()
             raise
         except MemoryTooSmallError:
@@ -142,7 +142,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             if over:
                 _remove(work)
     if over and work.exists():
-        _remove(work)  # Windows does not remove an open file
+        _remove(work)  # again, because Windows does not remove the lock while it is open
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
@@ -169,10 +169,10 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
 
 
 def _empty(work: Path) -> None:
-    """Remove all files of the work but the lock.
+    """Remove all files of the work except the lock.
 
-    Finished parts are renamed first, and the log is removed last. So even if this is interrupted,
-    no part of this work can be taken for a part of another one.
+    Finished parts are renamed first, and the log is removed last. This order is safe: if the
+    removal is interrupted, another evaluation cannot use a part of this work by mistake.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _empty(work: Path) -> None:
 
 
 def _remove(work: Path) -> None:
-    """Remove the folder of the work; leave what the system does not allow to remove."""
+    """Remove the folder of the work. Files that the system does not allow to remove stay there."""
     with suppress(OSError):
         _empty(work)
         for path in work.iterdir():
@@ -194,9 +194,10 @@ def _remove(work: Path) -> None:
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
-    """Return whether to go on with existing work.
+    """Return whether to go on with existing work; if false, the caller removes this work.
 
-    If only the data changed, or with ``--force``, the answer is no, and the caller removes it.
+    It is true if options and data are the same as before. It is false if only the data changed, or
+    if anything changed and ``--force`` is given.
 
     Raises
     ------

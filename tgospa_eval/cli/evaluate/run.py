@@ -95,7 +95,7 @@ def explained(result: Evaluation, output: OutputOptions, top: int | None = None)
     """
     from tgospa_eval.explain import TOP, explain  # lazy: only for repairs
 
-    assert isinstance(result, PairEvaluation)  # by class, repairs are refused before
+    assert isinstance(result, PairEvaluation)  # `explain` with `by class` was refused before
     stopwatch = Stopwatch()
     explanation = run(
         lambda: explain(result, top or TOP, stopwatch=stopwatch),

@@ -37,7 +37,8 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 def one_of(members: Collection[str]) -> Any:
     """Return the type of an option whose value is one of `members`.
 
-    These can be a registry, such as that of distances, to which other packages add members.
+    `members` can be a registry, such as the registry of distances. Other packages can add members
+    to it.
     """
     kind: Any = click.Choice(())
     kind.choices = members  # not as an argument, because click would make a tuple of a registry
@@ -77,7 +78,7 @@ def _made(field: Field[Any], about: OptionSpec) -> Option:
 
 
 def side_option(name: str, side: str) -> Option:
-    """Return an option of truth or estimate for another word: ``--a-format`` for truth-format."""
+    """Return an option of truth or estimate with another word: truth-format becomes a-format."""
     field, role = Request.__dataclass_fields__[name], name.partition("_")[0]
     about: OptionSpec = field.metadata["setting"]
     declaration, text = about.declaration.replace(role, side), about.help
@@ -95,7 +96,7 @@ WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
 BY_OF_SETTINGS = option(
     "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
 )
-"""Hidden option of verbs that do not evaluate by class: they ignore it in a settings file."""
+"""Hidden option of verbs that do not evaluate by class. In a settings file, they ignore it."""
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
@@ -103,7 +104,7 @@ REDUCTION = tuple(
     for item in PARTICLES
     if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
-"""Options that say how to reduce particle clouds. Without a default, None means not given."""
+"""Options that say how to reduce particle clouds. The value None means that one is not given."""
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -160,7 +161,7 @@ def report_format(
 ) -> Option:
     """Return the option ``--format`` of a report.
 
-    `csv` describes what CSV has. `more` are formats that only one verb has.
+    `csv` is the text of the help about CSV. `more` are formats that only one verb has.
     """
     return make(
         "--format FORMAT",
@@ -203,7 +204,7 @@ OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
-    """Values of the options of printing and writing; defaults for options that a verb lacks."""
+    """Values of the options of printing and writing. Options that a verb lacks have defaults."""
 
     format_: str = "table"
     output: str | None = None
@@ -224,7 +225,7 @@ SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *(item.key for item in EVALUATION if item.section == "Solver"),
 )
-"""Names in a settings file of the options that only verbs with a solver have."""
+"""Options that only verbs with a solver have, by their names in a settings file."""
 
 READING = (
     *(item for item in EVALUATION if item.key not in SOLVING_KEYS and item not in PARTICLES),

@@ -27,7 +27,7 @@ PATH = click.Path(readable=False)
 
 
 class SourceFile(click.Path):
-    """Type for a file to read. ``-`` is the standard input; only one argument can be so."""
+    """Type for a file to read. ``-`` is the standard input, for at most one argument."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path, or the name of the standard input."""
@@ -51,14 +51,14 @@ PREFIX = "TGOSPA_EVAL_"
 """Prefix of the environment variables that set options."""
 
 TARGET = "tgospa_eval.target"
-"""Key of the context for the target of ``--against``, None for a wrong one. Only its configuration
-is read."""
+"""Key of the click context for the target of ``--against``; the value is None if the target is
+wrong. With a target, configuration is read only from the target."""
 
 IGNORED = "tgospa_eval.ignored"
 """Key of the click context for environment variables that are ignored because of a target."""
 
 WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
-"""Options that environment variables set even with ``--against``: they do not change the value."""
+"""Options that do not change the value. With ``--against``, the environment sets only these."""
 
 REMOVED = {
     "--protect": "--against TARGET judges by the suite, the baseline and the configuration of the "
@@ -121,7 +121,7 @@ class Option(click.Option):
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:
-        """Return the value of its environment variable, if any.
+        """Return the value of the environment variable of this option; None if it is not set.
 
         With ``--against``, only the variables of `WITH_TARGET` count.
         """
@@ -178,7 +178,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Return what click adds to the help, without ranges, which our texts have."""
+        """Return what click adds to the help, but no ranges: the help texts have these already."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra
@@ -216,7 +216,7 @@ def load_config(
     target: Target | None = ctx.meta.get(TARGET)
     if TARGET not in ctx.meta:
         used = config.load(path, _keys, TRUSTED_KEYS)
-    elif target is None:  # a wrong target: its error follows, and no file of the branch counts
+    elif target is None:  # the target is wrong: no file is read, and the error follows
         used = None
     else:
         read = target.read if path is None else target.demand
@@ -241,7 +241,7 @@ def _keys() -> dict[str, bool]:
 
 
 def tell_settings(ctx: click.Context) -> None:
-    """Print which options a configuration file sets, without those that the user sets otherwise."""
+    """Print the options that a configuration file sets and the user does not set elsewhere."""
     used = ctx.params.get("config")
     if used is None:
         return
@@ -348,7 +348,7 @@ OPTION_WORDS = {
     "--quiet": "silent no-progress",
     "--verbose": "debug log",
 }
-"""Names that users of other programs type, by the option that is meant."""
+"""For each option, the names that users of other programs type for it."""
 
 SIMILAR = 0.75
 """Smallest similarity of a suggested option to the typed one, such as format for fromat."""
@@ -376,7 +376,7 @@ SHORT_HELP = click.Option(
 class Verb(click.Command):
     """Command whose help has sections, and whose errors say what to type."""
 
-    allow_extra_args = True  # so that `parse_args` reports them, with more help than click
+    allow_extra_args = True  # `parse_args` reports extra arguments, better than click
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return all options, including those for the short and for the long help."""
@@ -448,7 +448,11 @@ class Verb(click.Command):
         return rest
 
     def uses(self, ctx: click.Context, name: str) -> bool:  # noqa: ARG002
-        """Return whether an option applies to these arguments; stored results stay as they are."""
+        """Return whether an option applies to the arguments.
+
+        By default all options apply. A verb that also takes stored results overrides this method,
+        because options of evaluations do not apply to them.
+        """
         return True
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -525,10 +529,10 @@ def words(line: Iterable[str]) -> str:
 
 
 def nearest(text: str, options: Iterable[str]) -> str | None:
-    """Return the option that a typed text could mean, if any.
+    """Return the option that a typed text could mean; None if there is none.
 
-    This is the only option that begins with the text, else the most similar one with the same first
-    letter.
+    If only one option begins with the text, it is returned. If not, the most similar option with
+    the same first letter is returned.
     """
     from difflib import get_close_matches  # lazy: only for errors
 

@@ -63,8 +63,8 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     """Do the work in a thread, show its progress if it takes long, and handle Ctrl-C.
 
     Work that can be stopped, such as solving, stops at the first Ctrl-C, and its result so far is
-    returned. If progress is not shown and Ctrl-C is not handled, as in the workers of a batch, the
-    work is done without a thread.
+    returned. A thread is not needed if progress is not shown and Ctrl-C is not handled, as in the
+    workers of a batch. Then the work is done without one.
     """
     if not show and not handles_interrupts():
         return work()
@@ -126,7 +126,7 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
 
 
 class Display:
-    """Line of progress on stderr: on a terminal overwritten, else a new line from time to time."""
+    """Progress on stderr: one line that is overwritten on a terminal, new lines elsewhere."""
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch, self.begin = stopwatch, time.monotonic()

@@ -63,7 +63,7 @@ def write_output(
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(written)
-    if had_proof and not os.path.isdir(proof):  # a paper may refer to the old proof
+    if had_proof and not os.path.isdir(proof):  # the user must know: a paper may refer to it
         print_notice(f"{proof} of an earlier run is removed; --proof writes one for this run")
 
 
@@ -80,7 +80,7 @@ def _made(
 
     try:
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
-    except KeyboardInterrupt:  # without the folder, the result is printed all the same
+    except KeyboardInterrupt:  # the folder is not written, but the result is printed
         return None
 
 
@@ -91,7 +91,7 @@ def _made(
 def probed_folder(
     options: Request, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """Check that the folder of a result can be written; return the request for its pictures.
+    """Check that the folder of a result can be written; return which pictures are requested.
 
     `also` has the names of further files that will be written to it.
 
@@ -112,7 +112,7 @@ def probed_folder(
 def probed(
     output: OutputOptions, kind: Kind, *charts: str, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
-    """Check that the folder of ``-o`` can be written; return the request for its pictures.
+    """Check that the folder of ``-o`` can be written; return which pictures are requested.
 
     Without ``-o``, return None. `charts` names the kinds of results whose pictures will be drawn.
     `also` has the names of further files that will be written.
@@ -131,7 +131,7 @@ def probed(
 
 
 def wanted_pictures(output: OutputOptions) -> "Pictures | None":
-    """Return which pictures are requested; None for ``--pictures none``, or if a verb has none.
+    """Return which pictures are requested; None for ``--pictures none``, or if a verb draws none.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def drawable_pictures(output: OutputOptions) -> "Pictures | None":
 
 @contextmanager
 def named_options() -> Iterator[None]:
-    """Put two dashes before errors about pictures, which begin with the name of an option."""
+    """Put two dashes before an error about pictures, because it begins with an option's name."""
     try:
         yield
     except ConfigError as error:
