@@ -355,9 +355,9 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
-    """Return a text for messages: ids and time of truth row `i` and estimate row `j`.
+    """Return a text for messages: ids of truth row `i` and estimate row `j`, and their time.
 
-    `which` has two texts, one to put after either id.
+    `which` has two texts: the first follows the id of the truth, the second that of the estimate.
     """
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)

@@ -32,20 +32,21 @@ if TYPE_CHECKING:
 
 
 def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
-    """Return the rows and columns of some free states as a problem; `free` must be in order.
+    """Return the part of a problem around some free states; `free` must be in order.
 
     Returns
     -------
     states : States
-        The rows and columns of the free states, with all their states from the step before the
-        first free state to the step after the last free state. The slots of columns without free
-        states have no meaning.
+        The part: the rows and columns of the free states, with all their states from the step
+        before the first free state to the step after the last free state. The slots of columns
+        without free states have no meaning.
     state : (S',) int array
-        Position in the whole of each state of the part.
+        For each state of the part: its position in the whole problem.
     free : (F,) int array
         Positions of the free states in the part.
     slot : (K',) int array
-        Position in the whole of each column slot of the free states; arbitrary for other slots.
+        For each column slot of the part: its position in the whole problem. The position is
+        arbitrary for slots of columns without free states.
     """
     pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
@@ -90,7 +91,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # A column with free states has the slots of the whole, from the slot at the step `before` on.
+    # A column with free states has its slots of the whole problem, from the step `before` on.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -125,7 +126,7 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Free states and priced slots of a programme, as positions in the whole, and its proposal."""
+"""Free states and priced slots of a programme, as positions in the whole problem; its proposal."""
 
 
 class Programmes:
@@ -325,7 +326,7 @@ class Programmes:
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
-        """Solve one programme, of the whole problem or of the part that a group touches."""
+        """Solve one programme, of the whole problem or of the part around a group (`extract`)."""
         # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
