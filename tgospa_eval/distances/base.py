@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 NEAR_PLACES = 1.0
-"""Largest difference, in degrees, of the medians of two sides that are of one scene."""
+"""Two sides are at the same place if their medians differ by less than this, in degrees."""
 
 Fault = tuple[Mask, str, str]
 """A column with wrong values: mask of the wrong states, name of the column, and what is wrong with
@@ -143,7 +143,7 @@ class Distance(ABC):
         """Kinds of states besides points that the distance compares, as in `Trajectories.kind`.
 
         The kinds are gaussian and cloud. If the result is empty, all states are treated as points.
-        Otherwise states are refused unless they are points, or of a kind in the result.
+        If not, the distance compares points and states of these kinds, and refuses all others.
         """
         return ()
 
@@ -203,7 +203,7 @@ class Distance(ABC):
         return self
 
     def fitted(self, sides: Sides) -> "Distance":
-        """Return the distance with those settings filled in that depend on the data of the run."""
+        """Return the distance with all settings; some defaults depend on the data of the run."""
         return self
 
     def prepared(self, sides: Sides, resources: Resources) -> tuple[Sides, "Distance"]:
@@ -215,14 +215,17 @@ class Distance(ABC):
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the candidates that are near: all, unless `between` is only a lower bound."""
+        """Return the near pairs among the candidates.
+
+        All candidates are near, except in distances whose `between` is only a lower bound.
+        """
         return pairs
 
     def error(self, dimension: int) -> float:
         """Return a proven bound of the relative rounding error of a distance.
 
-        `dimension` is the number of state columns.
-        It is 0 if no bound is known. In that case proofs hold for the computed distances.
+        `dimension` is the number of state columns. The result is 0 if no bound is known. In that
+        case proofs are about the distances as computed, not about exact distances.
         """
         return 0.0
 
@@ -352,9 +355,9 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
-    """Return a text for messages: ids and time of truth row `i` and estimate row `j`.
+    """Return a text for messages: ids of truth row `i` and estimate row `j`, and their time.
 
-    `which` has two texts, one to put after either id.
+    `which` has two texts: the first follows the id of the truth, the second that of the estimate.
     """
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
@@ -398,9 +401,9 @@ def check_columns(
 
 
 def _utm_zone(earth: Trajectories, local: Trajectories) -> str:
-    """Return the UTM zone in which x and y of a side are near the places of the other, or a blank.
+    """Return the UTM zone in which x and y of `local` are near the places of `earth`; "" if none.
 
-    States of both sides are compared by their medians, in the zone of the places and beside it.
+    The medians of both sides are compared, in the zone of the places and in both zones beside it.
     """
     if not (len(earth.state) and len(local.state)) or local.columns[:2] != ("x", "y"):
         return ""

@@ -132,8 +132,8 @@ class IoU(Distance):
 def overlaps(a: Floats, b: Floats) -> Floats:
     """Return the IoU of boxes `a` and `b`, bit for bit as TrackEval computes it.
 
-    Right and lower edges are rounded first; widths and heights are their differences to the left
-    and upper edges. The IoU of a box without area is 0.
+    First the right and lower edges are computed, with rounding. Then widths and heights are the
+    differences between opposite edges. The IoU of a box without area is 0.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def overlaps(a: Floats, b: Floats) -> Floats:
 
 
 def _overlap(begin: tuple[Floats, Floats], size: tuple[Floats, Floats]) -> Floats:
-    """Return the shared length of two intervals; exactly their length if they are equal."""
+    """Return the shared length of two intervals; for equal intervals it is exactly their length."""
     offset = begin[0] - begin[1]
     shorter = np.minimum(*size)
     return np.maximum(np.minimum(shorter, np.minimum(offset + size[0], size[1] - offset)), 0.0)

@@ -7,20 +7,21 @@ bounds of W_q are cheap. One is the distance of the means m_a and m_b of the clo
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
-with the Bures distance B of the covariances P_a and P_b. It is the Wasserstein distance of the
-Gaussians with these means and covariances, and exact if one cloud is a point. A pair at the cutoff
-or beyond has no gain, so transport is solved only for pairs whose bounds are below the cutoff.
+with the Bures distance B of the covariances P_a and P_b. The Gelbrich bound is the Wasserstein
+distance of the Gaussians with these means and covariances. It is equal to W_2 if one cloud is a
+point. A pair at the cutoff or beyond has no gain, so transport is solved only for pairs whose
+bounds are below the cutoff.
 
 The sliced and the max-sliced Wasserstein distance of clouds X and Y use their projections on V
 fixed directions v_k,
 
     SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y),
 
-where W_q of the projections, which are in one dimension, comes from sorting. POT is not needed.
-Every W_q is a metric, so both distances satisfy the triangle inequality for any directions. Over
-all of the sphere they are metrics ([Kolouri]); over V directions they are pseudometrics, because
-different clouds may have the same V projections. SW_2^2 is [Prossel] equation 12. The directions
-are the same for all pairs and runs.
+The projections are in one dimension, so W_q of them is computed by sorting. POT is not needed.
+Every W_q is a metric, so both distances satisfy the triangle inequality for any directions. With
+all directions of the sphere they would be metrics ([Kolouri]). With V directions they are
+pseudometrics, because different clouds may have the same V projections. SW_2^2 is [Prossel]
+equation 12. The directions are the same for all pairs and runs.
 
 The means satisfy W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a
 tight frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``. So two points with the difference x satisfy
@@ -164,7 +165,7 @@ class CloudPairs(Distance):
         return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return, for order 2, distances of the means, and of the clouds moved to the same mean."""
+        """Return distances of means, and of clouds moved to the same mean; None for order 1."""
         if self.order != 2:
             return None
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
@@ -216,9 +217,9 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return how much the squared distance of each pair exceeds that of its means, or less.
+    """Return lower bounds of the squared distance of each pair minus that of its means.
 
-    This lower bound follows from the covariances of the clouds in the rows `i` and `j`.
+    The bounds follow from the covariances of the clouds in the rows `i` and `j`.
     """
     (trace_a, factor_a), (trace_b, factor_b) = spreads
     length = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
@@ -346,8 +347,8 @@ class CloudWasserstein(Distance):
     scale : sequence of float, optional
         State units per unit of each column, > 0.
     gating : bool
-        True if bounds exclude pairs. If False, the distance of every pair of a step is computed, as
-        a check.
+        If True, the distance is not computed for pairs whose bounds are too large. If False, it is
+        computed for every pair of a step; this serves as a check.
 
     Raises
     ------
@@ -421,7 +422,7 @@ class CloudWasserstein(Distance):
         return record
 
     def fitted(self, sides: Sides) -> "CloudWasserstein":
-        """Return the distance; mahalanobis without covariance gets the mean one of all clouds."""
+        """Return the distance; a missing covariance becomes the mean one of all clouds."""
         if self.inner != "mahalanobis" or self.covariance is not None:
             return self
         spreads = [side.clouds.covariances for side in sides if side.clouds is not None]
@@ -573,7 +574,7 @@ class SlicedPairs(CloudPairs):
         return np.asarray(0.05 + 5e-5 * len(self.directions) * (sizes[0] + sizes[1]))
 
     def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
-        """Return a function as `CloudPairs.one`, which keeps the sorted projections of clouds."""
+        """Return a function as in `CloudPairs.one`; it stores sorted projections of clouds."""
         centre = clouds[0].points[0]  # coordinates relative to it keep their digits in sums
         known: dict[tuple[int, int], Lines] = {}
 
@@ -592,7 +593,7 @@ class SlicedPairs(CloudPairs):
         return between
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
-        """Return, for order 2, the parts of the distance by `CloudPairs`; None for the maximum."""
+        """Return the parts as `CloudPairs` does; None for order 1 and for the maximum."""
         return None if self.maximum else super().parts(pairs, sides)
 
 
@@ -602,8 +603,8 @@ class SlicedWasserstein(CloudWasserstein):
 
     It is a pseudometric on clouds: with finitely many directions, different clouds may have the
     distance 0. Sorting computes it exactly; POT is not needed. Let two points have the Euclidean
-    distance r. Their distance is r / sqrt(d) with q = 2, and smaller with q = 1. With `maximum` it
-    is larger, up to r.
+    distance r. The distance of this class is r / sqrt(d) with q = 2, and smaller with q = 1. If
+    `maximum` is True, it is larger, up to r.
 
     Parameters
     ----------
@@ -621,8 +622,8 @@ class SlicedWasserstein(CloudWasserstein):
     Raises
     ------
     ConfigError
-        As in `CloudWasserstein`, a number is out of range, or directions or seed differ from those
-        of the reduction.
+        A setting is wrong (see `CloudWasserstein`), a number is out of range, or directions or seed
+        differ from those of the reduction.
     """
 
     maximum: bool = False
@@ -682,7 +683,7 @@ class SlicedWasserstein(CloudWasserstein):
         return super().settings(columns) | {"directions": count, "seed": self.seed}
 
     def particle_slopes(self, pairs: object, sides: object) -> NoReturn:
-        """Refuse, as no derivative is known.
+        """Raise an error, because no derivative is known.
 
         Raises
         ------

@@ -31,9 +31,9 @@ class GaussianWasserstein(Distance):
 
     W2 is the Wasserstein distance of order 2. B is the least ``||F - G Q||`` over rotations and
     reflections Q, where the covariances are F F' and G G'. W2 is a metric on Gaussians. States
-    without covariance are points. Means are compared by the Euclidean norm, with scales and
-    periods. With a periodic component W2 is still a metric, but it is not the distance of Gaussians
-    on a circle.
+    without covariance are points. Means are compared by the Euclidean norm of their scaled
+    difference; components with a period lie on a circle. With a periodic component W2 is still a
+    metric, but it is not the distance of Gaussians on a circle.
 
     If the distance is called with arrays, their last axis has the d components of the mean and the
     d (d + 1) / 2 components of a lower factor of the covariance, row by row. The function
@@ -75,7 +75,7 @@ class GaussianWasserstein(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power of the norm of the means; the distance of the means is at most the distance W2."""
+        """Power of the norm of the means, because the distance of the means is at most W2."""
         return self._means.tree_power
 
     @cached_property
@@ -249,8 +249,9 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 
     Let L1 and L2 be the lower factors, A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12``. The
     best Q (see `GaussianWasserstein`) turns by the angle t of the vector (p, s). It is a rotation
-    because det A >= 0. R(t) is the rotation by t. The result is ``||L1 R(-t/2) - L2 R(t/2)||``:
-    with half of t for either factor it is symmetric, and 0 for equal covariances.
+    because det A >= 0. R(t) is the rotation by t. The result is ``||L1 R(-t/2) - L2 R(t/2)||``.
+    Each factor is turned by half of t, so that the result is symmetric, and 0 for equal
+    covariances.
     """
     (a1, a2), (b1, b2), (c1, c2) = first, second, third
     s = b1 * c2 - b2 * c1

@@ -25,13 +25,13 @@ from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SINGULAR = 1e-6
-"""A covariance counts as singular if the Cholesky factor of its correlations has a smaller number
-on the diagonal."""
+"""A covariance counts as singular if the Cholesky factor of its correlations has a number below
+this on the diagonal."""
 
 NEARLY_DETERMINED = 0.5
-"""Largest standard deviation of a residual of a column, as a share of that of the column, at which
-the search also sorts by the residual. The residual is the column minus its regression on the
-columns before it."""
+"""The residual of a column is the column minus its regression on the columns before it. The search
+also sorts by the residual if its standard deviation is at most this share of the standard deviation
+of the column."""
 
 LARGEST_REST = 1e300
 """Limit of residuals, so that their differences do not overflow."""
@@ -95,7 +95,7 @@ class Mahalanobis(Distance):
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the columns, then the residuals of those that earlier columns nearly determine."""
+        """Return the columns, then the residuals of columns that earlier ones nearly determine."""
         weights = self._weights()
         if not len(weights):
             return axes
@@ -220,7 +220,7 @@ class PairMahalanobis(Distance):
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """Return the cutoff times the standard deviations.
 
-        That is enough: the mean of two variances is at most the larger of the two.
+        This reach is wide enough, because the mean of two variances is at most the larger one.
         """
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
@@ -296,9 +296,10 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
 def _residuals(factor: Floats) -> tuple[Floats, Floats]:
     """Return weights f (m, d) of the residuals of m nearly determined columns, and ``|L' f|``.
 
-    Let L be `factor`, and v a state in standard deviations. The residual of a column, which is the
-    column minus its regression on the columns before it, is f' v. Here f is the row of L^-1 of the
-    column, scaled so that the column itself has the weight 1. The accuracy of L^-1 does not matter.
+    Let L be `factor`, and v a state in standard deviations. The residual of a column is the column
+    minus its regression on the columns before it. It is equal to f' v, where f is the row of L^-1
+    of the column, scaled so that the column itself has the weight 1. The accuracy of L^-1 does not
+    matter.
     """
     strong = np.diag(factor) < NEARLY_DETERMINED
     weights: Floats = (np.linalg.inv(factor) * np.diag(factor)[:, None])[strong]

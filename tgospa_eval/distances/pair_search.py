@@ -1,8 +1,8 @@
 """Search for near pairs: an object and an estimate at one step, nearer than the cutoff.
 
-Time and memory grow with the number of these pairs.
-Some searches also return pairs beyond the cutoff. `tgospa_problem` in `problem.metric_family`
-decides which pairs are near.
+Time and memory grow with the number of these pairs. With a margin, a search also returns pairs a
+little beyond the cutoff. `tgospa_problem` in `problem.metric_family` decides which of these are
+near.
 """
 
 from collections.abc import Iterator
@@ -29,8 +29,8 @@ NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
 """Code for each norm in the compiled kernels, by the power of the norm."""
 
 Ranges = tuple[Ints, Ints]
-"""Rows of truth and of estimate at T steps. Either array (2, T) has the first row of each step, and
-the row after its last row."""
+"""Rows of truth and of estimate at T steps. Each array has the shape (2, T): the first row of each
+step, and the row after the last row of the step."""
 
 
 def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
@@ -43,7 +43,7 @@ def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
-    """Return the near pairs of some steps; None if the kernels cannot do so quickly.
+    """Return the near pairs of some steps; None if the compiled kernels have no quick method.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
 
 
 def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
-    """Return the code of a norm in the kernels, and its scales; None if they cannot compute it."""
+    """Return the code and the scales of a norm for the kernels; None if they cannot be used."""
     if kernels is None or not isinstance(distance, Norm) or distance.period is not None:
         return None
     if not all(side.state.flags.c_contiguous for side in sides):
@@ -91,14 +91,15 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 # Axes are added one by one until the candidates are few. Rounding of the cells only adds
 # candidates, and loses no pair. The exact differences of the candidates decide afterwards.
 #
-# If many candidates are left and reaches are unequal, points with small and with large reaches are
-# searched separately, recursively. If many candidates are left even so, a tree is searched.
+# If too many candidates remain and reaches are unequal, the points with small reaches and the
+# points with large reaches are searched separately, recursively. If there are still too many
+# candidates, a tree is searched.
 
 CANDIDATES_TOGETHER = 1 << 14
 """Number of candidates compared at a time; the candidates of a truth row stay together."""
 
 FEW_CANDIDATES = 8
-"""Number of candidates per row that are few enough, so that no further axis is used."""
+"""If there are at most this many candidates per row, no further axis is used."""
 
 CELL_AXES = 3
 """Largest number of axes that are divided into cells. Each axis after the first one triples the
@@ -111,8 +112,8 @@ SAMPLED_TRUTHS = 100
 """Number of truth rows whose near pairs are counted, to estimate the number of all near pairs."""
 
 EQUAL_REACHES = 4.0
-"""Ratio of the largest to the least reach of a side up to which all its points are searched
-together."""
+"""All points of a side are searched together if its largest reach is at most this many times its
+least reach."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,10 +191,10 @@ def _divided(
     which: int,
     axis: int,
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield pairs in order, searched separately for small and for large reaches of a side.
+    """Yield pairs in order; search small and large reaches of a side separately.
 
-    Reaches are divided at the geometric mean of the least and the largest, so that a few divisions
-    leave nearly equal reaches.
+    Reaches are divided at the geometric mean of the least and the largest one. After a few
+    divisions, the reaches in each part are nearly equal.
     """
     own = reaches[which]
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
@@ -242,9 +243,9 @@ def _by_cells(
     """Return candidates by cells along all axes; the cells along the first axis are finer.
 
     Let `low` be the least coordinate. The point x is in the cell floor((x - low) / w) < 2^40 of
-    width w, where the quotient is exact to 2^-12. There are n cells in a reach widened by 2^-10. So
-    the indices of the cells of near points x and y differ by at most n:
-    |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
+    width w, where the quotient is exact to 2^-12. A reach, widened by the share 2^-10, is n cells
+    wide. So the indices of the cells of near points x and y differ by at most n: |x - y| / w +
+    2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
     The step and the indices of all axes make one key. Empty cells at the ends of each axis separate
     the neighbours of different keys. If a key would have too many bits, or the quotient too few,
@@ -418,7 +419,7 @@ def _search(
 
 
 class _Column(Generic[Value]):
-    """Array that grows in place: joining many small parts would leave holes in memory."""
+    """Array that grows in place, because joining many small parts would fragment the memory."""
 
     def __init__(self, kind: type[Value]) -> None:
         self.values: NDArray[Value] = np.zeros(0, kind)

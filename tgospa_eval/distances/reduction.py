@@ -57,11 +57,11 @@ class Reduction:
     method : str
         ``"sliced"``: least squares on projections on `directions`; ``"recursive"``: the same,
         direction by direction; ``"atl"``: transport and location in turn (Cooper); ``"kmeans"``:
-        means of clusters, weighted with their mass; ``"systematic"``, ``"stratified"``,
-        ``"multinomial"``: resampling; ``"top"``: the highest weights.
+        means of clusters, weighted with the mass of the clusters; ``"systematic"``,
+        ``"stratified"``, ``"multinomial"``: resampling; ``"top"``: the highest weights.
     directions : int or (V, d) array-like, optional
         Number of directions of sliced and recursive. The default is 32 in two dimensions, and 24 d
-        in d > 2. Or the V directions themselves, as rows that span the space.
+        in d > 2. An array has the V directions themselves, as rows that span the space.
     iterations : int
         Largest number of iterations of sliced, recursive, atl and kmeans.
     restarts : int
@@ -122,10 +122,10 @@ class Reduction:
     def trace(self, cloud: Cloud, start: Floats | None = None) -> tuple[Cloud, list[float]]:
         """Return the reduced cloud, and the distance to the given cloud before each iteration.
 
-        The distance is the root of the objective of the method. For sliced and recursive this is
-        the mean of W_2^2 along the directions ([Prossel] equation 12), for atl W_2^2 (equation 3),
-        for kmeans the mean squared distance to the nearest centre. The list is empty for other
-        methods, or if nothing is reduced.
+        The distance is the root of the objective of the method. The objective of sliced and
+        recursive is the mean of W_2^2 along the directions ([Prossel] equation 12). For atl it is
+        W_2^2 (equation 3), and for kmeans the mean squared distance to the nearest centre. The list
+        is empty for other methods, and for a cloud of at most `size` distinct particles.
         """
         points, weights = cloud
         if self.size >= len(points):
@@ -243,9 +243,9 @@ def sliced_wasserstein(a: Cloud, b: Cloud, directions: Floats) -> float:
 
 
 def spread_directions(size: int, count: int | None, rng: "np.random.Generator") -> Floats:
-    """Return evenly spread unit vectors (V, d): angles in the plane, otherwise random frames.
+    """Return evenly spread unit vectors (V, d): fixed angles if d = 2, random frames if d > 2.
 
-    In more than two dimensions V is rounded up to whole frames.
+    If d > 2, V is rounded up to whole frames. If d = 1, there is one vector.
     """
     if size == 1:
         return np.ones((1, 1))
@@ -255,7 +255,7 @@ def spread_directions(size: int, count: int | None, rng: "np.random.Generator") 
         return np.column_stack((np.cos(angle), np.sin(angle)))
     frames = -(-(count or 24 * size) // size)
     turned, upper = np.linalg.qr(rng.standard_normal((frames, size, size)))
-    signs = np.sign(np.diagonal(upper, axis1=1, axis2=2))  # otherwise some rotations are preferred
+    signs = np.sign(np.diagonal(upper, axis1=1, axis2=2))  # else some rotations are preferred
     return np.asarray(turned * signs[:, None, :]).transpose(0, 2, 1).reshape(-1, size)
 
 
@@ -273,8 +273,8 @@ def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
 # --- methods: each takes a cloud, and returns a function that improves positions ------------------
 
 Step = Callable[[Floats], tuple[Cloud, float]]
-"""Function that takes positions, and returns better positions with their weights, and the cost of
-the given positions."""
+"""Function of positions. It returns better positions with weights, and the cost of the given
+positions."""
 
 
 def _projections(
@@ -302,7 +302,8 @@ def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
     """Return the slot mean that belongs to the rank of each particle in each direction, (V, n).
 
     `v` are the directions, `b` the slot means, and `x` the positions. Equal projections are ranked
-    in the order of `x`. So particles at the same place have different ranks, and separate.
+    in the order of `x`. So particles at the same place have different ranks, and the next step
+    moves them to different places.
     """
     order = np.argsort(v @ x.T, axis=1, kind="stable")
     matched = np.empty_like(b)

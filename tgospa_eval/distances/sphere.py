@@ -22,8 +22,8 @@ RADIUS = 6371008.8
 class Haversine(Distance):
     """Length of the great circle between (lat, lon) in degrees, on a sphere, in metres.
 
-    It is a metric on the points of the sphere: longitudes that differ by 360 are the same, and so
-    are all longitudes at a pole.
+    It is a metric on the points of the sphere. Longitudes that differ by 360 are the same point,
+    and at a pole all longitudes are the same point.
     """
 
     name = "haversine"
@@ -205,8 +205,8 @@ class Geodesic(Distance):
         """Return derivatives by latitude, longitude (metres per degree) and height of ``b``.
 
         Let s be the length of the path, and a its direction at b. The derivative of s by latitude
-        is cos a times the radius of the meridian; that by longitude is sin a times the radius of
-        the parallel.
+        is cos a times the radius of the meridian. The derivative by longitude is sin a times the
+        radius of the parallel.
         """
         direction, path = self._paths((a[0], a[1]), (b[0], b[1]))
         direction, latitude = np.radians(direction), np.radians(b[0])

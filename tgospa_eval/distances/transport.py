@@ -5,10 +5,10 @@ The mass of one cloud is moved to the other at the least cost
     W_q = (min_w  sum_ij w_ij d(x_i, y_j)^q)^(1/q),   w_ij >= 0,
     sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
 
-[Danu] equations 7 and 14; equation 13 lacks the root, without which it is not a metric. In one
-dimension sorting solves the problem. If one cloud is a point, there is only one plan. If both
-clouds have the same number of particles of equal weight, it is an assignment problem. POT, the
-extra ``clouds``, solves all other pairs.
+[Danu] equations 7 and 14. Equation 13 has no root, so it is not a metric. In one dimension sorting
+solves the problem. If one cloud is a point, there is only one plan. If both clouds have the same
+number of particles of equal weight, it is an assignment problem. POT, the extra ``clouds``, solves
+all other pairs.
 """
 
 import math
@@ -36,8 +36,8 @@ def as_cloud(
 ) -> tuple[Floats, Floats]:
     """Check and return points (N, d) and weights (N,) with the sum 1; `name` begins the messages.
 
-    None means equal weights. A warning names a line of the user: `depth` is the number of calls
-    from there to this function.
+    If `weights` is None, weights are equal. A warning names the line of the user's code: `depth` is
+    the number of calls from that line to this function.
 
     Warns
     -----
@@ -262,7 +262,7 @@ def too_large() -> str:
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 WEIGHT_ROUNDING = 1e-13
-"""Share of a weight by which rounding may change it if sums and quotients have another order."""
+"""Share by which a weight may change if its sums and quotients are computed in another order."""
 
 
 def cloud_wasserstein(
@@ -285,8 +285,9 @@ def cloud_wasserstein(
     order : {1, 2}
         q, the power of the distances of particles in the sum.
     covariance : (d, d) array-like, optional
-        Covariance of the Mahalanobis distance of particles, which is used instead of the Euclidean
-        distance. Distances of several pairs are a metric only with the same covariance for all.
+        Covariance of the Mahalanobis distance. If it is given, particles have this distance instead
+        of the Euclidean one. Distances of several pairs are a metric only with the same covariance
+        for all.
 
     Returns
     -------
@@ -363,8 +364,9 @@ def cross_covariance(
 
     ``P12 = sum_ij w_ij (x_i - m_a) (y_j - m_b)'`` with the means m and the plan of order 2. With
     the covariances P1 and P2 of the clouds, ``W_2^2 = |m_a - m_b|^2 + tr(P1 + P2 - P12 - P12')``.
-    The matrix P1 + P2 - P12 - P12' has the least trace of all joint distributions. It is zero for
-    shifted copies, so it must not be inverted as the covariance of a difference.
+    The matrix P1 + P2 - P12 - P12' has the least trace of all joint distributions. It is zero if
+    one cloud is a shifted copy of the other, so it must not be inverted as the covariance of a
+    difference.
 
     Parameters
     ----------
@@ -459,7 +461,7 @@ def merged(cloud: Cloud) -> Cloud:
 
 
 def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Return distinct particles of weight > 0, their weights, and where each given particle went.
+    """Return distinct particles of weight > 0, their weights, and the place of each given particle.
 
     The last result has the position of each given particle among the distinct ones, or -1.
     """
@@ -536,7 +538,7 @@ def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
     cuts = np.concatenate(inner, axis=1)
     by_place = np.argsort(cuts, axis=1, kind="stable")
     cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
-    of_u = by_place < u.shape[1] - 1  # else a cut of v
+    of_u = by_place < u.shape[1] - 1  # if False, the cut is one of v
     i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
     return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
 

@@ -28,8 +28,8 @@ class Norm(Distance):
 
     For points a and b it is the norm of the vector delta, ``delta_k = s_k min(r_k, P_k - r_k)``,
     where ``r_k = |a_k - b_k| mod P_k``, with scales s and periods P. By default scales are 1 and
-    periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are
-    wrapped first, in the unit of the column, and then scaled.
+    periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are first
+    reduced by the period, in the unit of the column, and then scaled.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Norm(Distance):
 
     @property
     def tree_power(self) -> float:
-        """Power of the search tree: that of the norm, but at least 2 with periods.
+        """Power of the search tree: the power of the norm, but at least 2 if there are periods.
 
         With periods, the search sorts points on circles. The Euclidean length of a chord is at most
         its arc, but the sum of its two coordinates may be longer.
@@ -146,7 +146,7 @@ class Norm(Distance):
         if self.power == np.inf:
             largest = np.argmax(np.abs(difference), axis=0) == np.arange(len(difference))[:, None]
             return np.where(largest, scale * sign, 0.0)
-        length = reduce(np.hypot, np.abs(difference))  # np.abs: hypot needs two components
+        length = reduce(np.hypot, np.abs(difference))  # np.abs: for one component, no hypot
         return scale * shares(difference, length)
 
     def embed(self, axes: Floats) -> Floats:
@@ -182,7 +182,7 @@ def shares(parts: Floats, whole: Floats) -> Floats:
 
 
 def _around(a: Floats, b: Floats, period: float) -> Floats:
-    """Return the difference by the shorter way round the circle; remainders of fmod are exact."""
+    """Return the difference by the shorter way round the circle; fmod has no rounding errors."""
     size = np.fmod(np.abs(np.fmod(a, period) - np.fmod(b, period)), period)
     return np.asarray(np.minimum(size, period - size))
 

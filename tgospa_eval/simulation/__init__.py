@@ -152,8 +152,9 @@ def simulate(
 
     Times and ids of true objects count from 1. The track that begins on object i has the id
     100 + i, or 1000 + i if there are 100 targets or more, and so on. Later tracks have the next
-    ids. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise
-    if that is smaller. So machines whose sines differ in the last digit make the same files.
+    ids. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise if
+    that is smaller. So all machines make the same files, even if their sines differ in the last
+    digit.
 
     Every error has its own stream of random numbers, so a change of one error does not change the
     draws of another error.

@@ -59,10 +59,10 @@ def encounters(truth: Floats, near: float) -> Ints:
 Scenario = Callable[[int, int, float, np.random.Generator], Floats]
 
 SPEED = 1 / 100
-"""Typical step of a free target, as a share of the side of the square."""
+"""Typical displacement of a target in a time step, as a share of the side of the square."""
 
 LEG = 10
-"""Number of steps in which a manoeuvring target goes straight, or turns by 90 degrees."""
+"""Number of steps in which a manoeuvring target goes straight, or turns by 90 degrees in all."""
 
 
 def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
@@ -119,8 +119,9 @@ def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Fl
 def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
     """Return straight lines of targets that are born and die.
 
-    In a recording of T steps, lifetimes are uniform in {ceil(T/4), ..., T}. Births are uniform in
-    the remaining range. The displacement at each time step is N(0, (A/100)^2).
+    In a recording of T steps, lifetimes are uniform in {ceil(T/4), ..., T}. The step of birth is
+    uniform among the steps at which this lifetime fits into the recording. The displacement at each
+    time step is N(0, (A/100)^2).
     """
     velocity = np.repeat(rng.normal(0, SPEED * area, (1, targets, 2)), steps, axis=0)
     states = _walk(velocity, area, rng)
@@ -132,7 +133,7 @@ def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> F
 
 
 def manoeuvring(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
-    """Return targets at speed A/100 that, every 10 steps, go straight or turn by 90 degrees."""
+    """Return targets at speed A/100; in each 10 steps they go straight or turn by 90 degrees."""
     legs = rng.integers(-1, 1, (-(-steps // LEG), targets), endpoint=True)
     turn = np.repeat(legs * (np.pi / 2 / LEG), LEG, axis=0)[:steps]
     heading = rng.uniform(0, 2 * np.pi, targets) + np.cumsum(turn, axis=0)

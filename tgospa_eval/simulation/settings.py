@@ -1,7 +1,8 @@
 """Settings of simulations in the literature, each named after its source.
 
-Targets have nearly constant velocity. Their states at half time are drawn near to each other, and
-motion continues from there forward and backward in time. So all targets meet at half time.
+Targets have nearly constant velocity. The states of all targets at half time are drawn near to each
+other, and the motion is simulated from there forward and backward in time. So all targets meet at
+half time.
 """
 
 from dataclasses import fields, replace
@@ -17,7 +18,7 @@ from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
 
 DECIMALS = 5
-"""Decimals of positions, so few that machines with different last digits agree."""
+"""Number of decimals of positions. With so few decimals, all machines have the same positions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +114,7 @@ PUBLISHED = {
 def run_setting(
     setting: StudySetting, seed: int
 ) -> tuple[Trajectories, Trajectories, list[Floats]]:
-    """Simulate one run; if all runs of the source share one truth, all seeds give this truth.
+    """Simulate one run; the truth depends on the seed only if `setting.one_truth` is False.
 
     The random numbers differ from those of the source.
 

@@ -12,10 +12,11 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.tracks.clouds import Clouds
 
 WIDER = 1.5
-"""Standard deviation of drawn particles, relative to that of the represented Gaussian."""
+"""Standard deviation of drawn particles, as a multiple of that of the represented Gaussian."""
 
 LARGEST_DEVIATE = 2.6
-"""Largest drawn deviate in standard deviations; beyond it, weights would be close to 0."""
+"""Largest deviation of a drawn particle, in standard deviations of drawn particles. Farther away,
+weights would be close to 0."""
 
 
 def particle_clouds(

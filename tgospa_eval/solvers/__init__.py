@@ -1,11 +1,11 @@
-"""Solvers, which turn a problem into a `Solution`: each needs a file and a line in `SOLVERS`.
+"""Solvers of a problem; each has a file and a line in `SOLVERS`, and returns a `Solution`.
 
 All files here use the letters of docs/theory/notation.md, the words of `problem.states` (state,
 run, slot, block), and those of docs/theory/solvers.md (sweep, stage, temperature, working set,
 slack of a state, programme, reach). A *node* is a row or a column. A slot is *full* if the weights
-of its states sum to 1; what is missing is its *room*. A block is *open* while it is not solved.
-Shapes are (S,) for states, (K,) for column slots, (B,) for blocks, (N,) for near pairs (entries)
-and (T,) for steps.
+of its states sum to 1. Its *room* is 1 minus this sum. A block is *open* until it is solved. Shapes
+are (S,) for states, (K,) for column slots, (B,) for blocks, (N,) for near pairs (entries) and (T,)
+for steps.
 """
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -90,7 +90,7 @@ def solver_class(name: str) -> type[Solver]:
 
 
 def as_solver(solver: str | Solver) -> Solver:
-    """Return the solver itself, or the one with this name, with default settings."""
+    """Return a solver as it is, or the solver with this name and default settings."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not isinstance(solver, Solver):

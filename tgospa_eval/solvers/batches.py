@@ -1,4 +1,4 @@
-"""Solution of blocks in batches, which run in threads; the result does not depend on the threads.
+"""Solution of blocks in batches, in several threads; the result does not depend on the threads.
 
 Windows in time divide a long component into pieces that overlap, and their answers are joined.
 
@@ -6,9 +6,9 @@ Windows in time divide a long component into pieces that overlap, and their answ
          |------------|                  a window: its core, and some steps on either side
               |---------------|
 
-The weights and prices of the core of each window are kept. The joined answer bounds the optimum,
-as do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). Where cores meet is
-a *seam*. How much the seams widen the bracket is seen afterwards, on the whole component.
+The weights and prices of the core of each window are kept. The joined answer bounds the optimum, as
+do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). Where cores meet is a
+*seam*. Afterwards, the bounds of the whole component show how much the seams widen the bracket.
 """
 
 import itertools
@@ -40,21 +40,23 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""A slot is too full if its weights sum to more than 1 plus this; its weights are then lowered."""
+"""A slot is too full if its weights sum to more than 1 + FULLER. Then weights in it are lowered."""
 
 SOME_ROOM = 1e-9
 """Smallest room in a slot that is worth filling."""
 
 BEFORE_SEAMS = 0.9
-"""Share of the time for a block that its windows get; also their share in displayed progress."""
+"""Share of the solving time of a block that its windows may use. In the displayed progress of the
+block, the windows have the same share."""
 
 UNKNOWN = -1.0
 """Number in place of the weight of a state for which no window has an answer."""
 
 
 TimeWindow = tuple[int, int, int, int]
-"""First step of the core, and the step after its last; the same for the whole window. The window is
-solved, and the answer for its core is kept."""
+"""Four steps: the first step of the core, the step after the last one of the core, the first step
+of the window, and the step after the last one of the window. The window is solved, and the answer
+for its core is kept."""
 
 
 def divisible_blocks(states: States) -> Ints:
@@ -153,7 +155,8 @@ class Division:
     def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
         """Keep the answer for the core of a window.
 
-        These are the weights of states inside the core, and the prices of slots that begin in it.
+        This answer consists of the weights of states inside the core, and of the prices of slots
+        that begin in the core.
         """
         whole, (low, high, first, _) = self.states, window
         home = self._homes(first, piece)
@@ -171,7 +174,7 @@ class Division:
     def _homes(self, first: int, piece: States) -> Ints:
         """Return the position in the block of each state of a window.
 
-        If the window cuts a run, its state is at the position of the whole run.
+        If the window contains only a part of a run, the state has the position of the whole run.
         """
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
@@ -189,8 +192,9 @@ class Division:
     def join(self) -> Floats:
         """Return joined feasible weights of all states; fill in runs that no window contains whole.
 
-        A run between two gains gets the lesser of their weights: this adds no cost and needs the
-        least room. A run at an end of the block gets the weight of its gain, which adds no cost.
+        A run between two gains gets the lesser of their two weights. No higher cost results, and
+        the least room is needed. A run at an end of the block gets the weight of the one gain
+        beside it.
         """
         states, weights = self.states, self.weights
         run = np.flatnonzero(states.entry < 0)
@@ -211,9 +215,9 @@ class Division:
 
 
 class TimeShares:
-    """Equal shares of the time for windows; later windows may use the time that earlier ones leave.
+    """Equal shares of the time for windows; later windows may use what earlier ones did not use.
 
-    If the time limit is too short, all windows are solved in part, and no window is left out.
+    If the time limit is too short, each window is still solved in part.
 
     Parameters
     ----------
@@ -283,7 +287,7 @@ BATCH_STATES = 20_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockBatch:
-    """Some neighbouring blocks, the ones to solve, and the limit.
+    """Some neighbouring blocks, with masks of the blocks to solve, and with the limit.
 
     Parameters
     ----------
@@ -292,7 +296,7 @@ class BlockBatch:
     wanted : (B,) bool array
         Blocks to solve.
     quickly : (B,) bool array
-        Other blocks, which are solved if that takes hardly any time and stay open otherwise.
+        Other blocks, which are solved only if that takes hardly any time. If not, they stay open.
     weights, prices : (S,), (K,) float arrays
         Arrays for the answer, as in `Solution`; zeros in the wanted blocks at first.
     limit : Limit
@@ -322,7 +326,7 @@ class Answer:
     iterations : int
         Number of sweeps, plus the number of iterations of programmes.
     status, detail : Status, str
-        Reason for which the work stopped, and its details, for the user.
+        Reason for the end of the work, and details of the reason, for the user.
     open : int array
         Blocks that were not solved.
     work, sweeping : int, float
@@ -330,8 +334,9 @@ class Answer:
     seconds : dict
         Seconds by kind of work.
     history : tuple of dict
-        Convergence, one record per check: ``sweep``, ``epsilon``, ``violation``, and the costs
-        ``lower`` and ``upper`` of the blocks, minus the cost of leaving all objects unassigned.
+        Convergence: for each check of the bounds a dict with ``sweep``, ``epsilon``, ``violation``,
+        and the bounds ``lower`` and ``upper`` of the cost of the blocks, minus the cost of leaving
+        all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """
@@ -364,9 +369,10 @@ class Routine:
     jobs : int, optional
         Number of threads; all cores by default.
     tries : bool
-        Whether `solve` also tries the blocks to solve `quickly`.
+        True if `solve` also tries the blocks in `BlockBatch.quickly`.
     resumes : bool
-        Whether `solve` can use a warm start. Long blocks are then solved in windows of time first.
+        True if `solve` can use a warm start. In this case long blocks are first solved in windows
+        of time.
     """
 
     trivial: Trivial
@@ -394,10 +400,11 @@ class BatchSolver(Solver):
         states : States
             The reduced problem.
         stopwatch : Stopwatch
-            Receives the time by kind of work. With several threads, elapsed time is divided in
-            proportion to their times.
+            Receives the time by kind of work. With several threads, the elapsed time is divided in
+            proportion to the sums of the times in all threads.
         warm_start : WarmStart, optional
-            Proposals that may already solve some blocks. Routines that do not resume ignore it.
+            Proposals that may already solve some blocks. It is ignored if `Routine.resumes` is
+            False.
         """
         routine, progress = self.routine, stopwatch.progress
         limit = Limit.of(self.time_limit, progress)
@@ -501,7 +508,7 @@ def _solve_some(
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # If batches stopped for different reasons, report that of a batch that was not solved.
+    # If batches ended for different reasons, report the reason of a batch that was not solved.
     ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
     worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
@@ -519,7 +526,7 @@ def _solve_some(
 
 
 def _separated(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
-    """Return the ranges, divided so that each long block is a separate range."""
+    """Divide the ranges of blocks so that each long block is a separate range; return them."""
     if not len(long):
         return cuts
     edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
@@ -555,7 +562,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
     tentative = bool(quickly.any())
-    if tentative:  # trivial answers do not count: gains near 1 lose the digits that decide
+    if tentative:  # drop trivial answers: gains near 1 lose the decisive digits
         batch.weights[states.states_of(quickly)] = 0.0
         batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
@@ -589,7 +596,7 @@ def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
 def _merge(
     states: States, cuts: list[tuple[int, int]], answers: list[Answer], weights: Floats
 ) -> tuple[dict[str, float], ...]:
-    """Merge histories: costs are added, and the last record of a shorter history is repeated."""
+    """Merge histories: costs are added, and the last check of a shorter history is repeated."""
     recorded = [answer for answer in answers if answer.history]
     merged: list[dict[str, float]] = []
     if not recorded:

@@ -10,15 +10,15 @@ from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE, States, assigned, changes, repair, spare
 
 SETTLED_FROM = 1000.0
-"""Switch price below which the rounding of a switch costs less than 1e-9."""
+"""Switch price below which the rounding error of a weight costs less than 1e-9."""
 
 
 def price_cap(states: States) -> Floats:
     """Return ``2 L g`` of each block, (B,), with L steps and the largest gain g.
 
-    At switch prices from (L - 1) g on, no switch pays, so that prices above 2 L g give the same
-    optimum (docs/theory/reductions.md, "Switch price cap"). LP tolerances are absolute, so
-    huge prices cause errors.
+    At switch prices from (L - 1) g on, no switch pays. So all prices above 2 L g have the same
+    optimum (docs/theory/reductions.md, "Switch price cap"). Huge prices would cause errors, because
+    LP tolerances are absolute.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * largest
@@ -27,8 +27,9 @@ def price_cap(states: States) -> Floats:
 def settle(states: States, blocks: Mask, weights: Floats) -> None:
     """Average each pair's weights over time, in blocks with all switch prices above the cap.
 
-    In these blocks an optimum has no switches, but tiny changes of weights left by a solver (1e-12,
-    for example) would cost the true price. The average of feasible weights over time is feasible.
+    In these blocks an optimum has no switches. But the weights that a solver returns may change by
+    1e-12, for example, from one step to the next, and a huge switch price makes this expensive. The
+    average of feasible weights over time is feasible.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -85,9 +86,11 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# The bounds that are displayed during the work. Batches that have not begun have cheap bounds.
+# Bounds that are displayed during the work. Until a batch begins, its lower bound is 0, and its
+# upper bound is the cost with nothing assigned.
 #
-# They are not part of the result, whose bounds come from `problem.certificate.certify`.
+# These bounds are not part of the result. `problem.certificate.certify` computes the bounds of the
+# result.
 
 BlockBrackets = tuple[Mask, Floats, Floats, Floats]
 """Mask of the blocks with bounds; then, for all blocks, the width between the bounds, the cost, and
@@ -97,8 +100,8 @@ FINEST = 1e-12
 """Smallest relative gap in the display of progress."""
 
 SUM_MARGIN = 1e-12
-"""Share of the cost of leaving all unassigned by which displayed bounds are widened. It is more
-than the rounding of sums in solvers."""
+"""Displayed bounds are widened by this share of the cost of leaving all unassigned. The share is
+larger than the rounding of sums in solvers."""
 
 
 class BracketProgress:
@@ -131,7 +134,7 @@ class BracketProgress:
         return float(sum(side.price.sum() for side in self.states.problem.sides))
 
     def update(self, number: int, share: float, lower: float, upper: float) -> None:
-        """Report the share of a batch that is done, and bounds of cost minus unassigned cost."""
+        """Report the finished share of a batch, and bounds of its cost minus `unassigned`."""
         self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
         self.begun[number] = True
         if not self.progress.due:
@@ -192,8 +195,9 @@ class BatchProgress:
     ) -> None:
         """Report the share that is done, and bounds of some blocks.
 
-        The `width` between the bounds, the `cost` and the cost if `unassigned` are for all blocks,
-        (B,). Blocks outside the mask `blocks` are trivial: their weights in the batch are the best.
+        `blocks` (B,) marks the blocks with new bounds. All other blocks are trivial: their weights
+        in the batch are the best ones. Three arrays have numbers for all blocks, (B,): the `width`
+        between the bounds, the `cost`, and the cost if all objects are `unassigned`.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:

@@ -1,4 +1,4 @@
-"""Capacities of slots, as constraints of a linear programme on the states that it decides."""
+"""Capacities of slots as constraints of a linear programme on some chosen states."""
 
 import numpy as np
 
@@ -18,9 +18,10 @@ class CapacityRows:
     Parameters
     ----------
     constraint, state : (nnz,) int arrays
-        Constraint of every entry of the matrix, and its position among the chosen states.
+        For every entry of the matrix: its constraint, and its state as a position among the chosen
+        states.
     room : (L,) float array
-        Room that the fixed states leave in each constraint.
+        Room in each constraint: 1 minus the sum of the weights of fixed states in it.
     price : (L,) float array
         Sum of the prices of the slots of each constraint.
     slot, of_slot : (k,), (k,) int arrays
@@ -37,9 +38,9 @@ class CapacityRows:
     def spread(self, new: Floats, prices: Floats) -> Floats:
         """Return new prices of the slots (k,) from new prices (L,) of the constraints.
 
-        If the price of a constraint rises, the rise is added to its first slot. If it falls, the
+        `prices` (k,) are the previous prices of the slots. If the price of a constraint is higher
+        than before, the difference is added to the price of its first slot. If it is lower, the
         prices of all its slots are scaled.
-        `prices` (k,) are the previous prices of the slots.
         """
         with np.errstate(invalid="ignore", divide="ignore"):
             factor = np.where(new < self.price, new / self.price, 1.0)
@@ -54,8 +55,8 @@ def capacity_rows(
 ) -> CapacityRows:
     """Return the constraints of the chosen states; `fixed` (S,) are weights of the other states.
 
-    Neighbouring slots with the same states and the same room are one constraint. A slot is left out
-    if its price in `prices` (K,) is 0 and it has room 1 for its only state.
+    Neighbouring slots with the same states and the same room are one constraint. A slot needs no
+    constraint if it has only one of the states and the room 1, and its price in `prices` (K,) is 0.
     """
     begin, end = slots.begin[chosen], slots.end[chosen]
     state = np.flatnonzero(end > begin)

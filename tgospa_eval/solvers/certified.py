@@ -60,7 +60,7 @@ class Certified(BatchSolver):
     def routine(self) -> Routine:
         """Functions that solve every block exactly, or as far as the time limit allows.
 
-        Solutions of similar problems may solve some blocks at once, with kernels only.
+        With compiled kernels, a warm start may solve some blocks without further work.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -75,7 +75,7 @@ class Certified(BatchSolver):
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
-        if near and batch.warm_start is not None:  # these prices are better than 0
+        if near and batch.warm_start is not None:  # its prices are better than 0
             np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
@@ -133,9 +133,9 @@ def _sweep(
 ) -> int:
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
-    The `unit` of temperatures and reaches is a fraction of c^p. In two cases the stages begin from
-    the current prices, not from 0: these are `near` the best prices, or the `unit` is below 1,
-    which means that their errors are about one unit.
+    The `unit` of temperatures and reaches is a fraction of c^p. As a rule, the stages begin from
+    prices 0. They begin from the current prices if these are `near` the best prices, or if the
+    `unit` is below 1, because then the errors of these prices are about one unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices

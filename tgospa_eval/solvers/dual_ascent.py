@@ -33,7 +33,8 @@ SWEPT_AT_ONCE = 100_000
 
 PRICE_ROUNDING = 8 * 2.0**-53
 """Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels sum in
-two parts and relative to "none", so that it does not grow with the length of a recording."""
+two parts and relative to "none", so that this error does not grow with the length of a
+recording."""
 
 
 class Ascent:
@@ -47,7 +48,7 @@ class Ascent:
     states : States
         The blocks.
     wanted : (B,) bool array
-        Blocks that take part, until `keep` leaves more of them out.
+        Blocks that take part at first; `keep` excludes blocks later.
     gap : float
         Relative gap at which no further candidates are tried.
     weights, prices : (S,), (K,) float arrays
@@ -131,7 +132,7 @@ class Ascent:
 
     @property
     def open_dual(self) -> float:
-        """Sum of the bounds of the open blocks."""
+        """Sum of `dual` over the open blocks."""
         return float(self.brackets.open_dual)
 
     @property
@@ -163,15 +164,16 @@ class Ascent:
         return wide
 
     def mark(self, prices: Floats, reach: float) -> None:
-        """Set the `flags` of every state at the prices, and the value of each row's best weights.
+        """Set the `flags` of every state, and the values of all rows, at the prices.
 
-        NEAR states have a slack of at most `reach`. The slack of a state is what the best path of
-        its row loses if it must pass the state.
+        NEAR states have a slack of at most `reach`. The slack of a state is the loss of value of
+        the best path of its row if the path must go through the state. The values of a row are
+        those of its best path and of its best weights.
         """
         self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> Mask:
-        """Return whether the last `mark` gave each state a flag, (S,)."""
+        """Return for each state whether the last `mark` set this flag, (S,)."""
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
@@ -237,7 +239,7 @@ class Ascent:
     def _thin_out(self) -> None:
         """If rounding is most of a gap, try the price 0 in slots for which no states compete.
 
-        There a larger price proves no more, but sums of prices lose digits.
+        In such slots a larger price proves no more, but sums of prices lose digits.
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
@@ -252,7 +254,7 @@ class Ascent:
             chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, max_links)
             if chain.links <= max_links:
                 return chain
-            if threshold < MIN_THRESHOLD:  # so many states tie that the set does not become smaller
+            if threshold < MIN_THRESHOLD:  # many states tie: the set does not become smaller
                 max_links = chain.links
             threshold *= 0.5
 

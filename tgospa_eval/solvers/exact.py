@@ -37,8 +37,8 @@ CVXPY_ENDS = {
 """Status by the name of the outcome in CVXPY."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Problem, weights and column constraints as objects of CVXPY, which is untyped; and the
-`CapacityRows` of the columns."""
+"""Problem, weights and column constraints, as objects of CVXPY; and the `CapacityRows` of the
+columns. The type is `Any` because CVXPY has no types."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -97,7 +97,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
             late = status == batch.limit.status
             batch.weights[state], batch.prices[slot] = _read(programme, part, given, late=late)
     settle(states, batch.wanted, batch.weights)
-    # An interior point leaves small weights everywhere, so that paths may cost less.
+    # The interior point method returns small weights everywhere. Rounded paths may cost less.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
     batch.weights[:] = better(states, batch.weights, round_paths(states, value, batch.weights))
     status, detail = failures[0] if failures else (Status.SOLVED, "")
@@ -139,7 +139,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block from Clarabel, or the `given` ones without an answer."""
+    """Return weights and prices of a block from Clarabel, or the `given` ones if it has none."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:

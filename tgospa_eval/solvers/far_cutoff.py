@@ -1,8 +1,8 @@
-"""Blocks with a cutoff far above the errors are solved at a smaller cutoff.
+"""Solution of blocks at a smaller cutoff, if the cutoff is far above the errors.
 
-Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below c^p.
-At a smaller cutoff that fits the costs, the problem is an ordinary one with far fewer near pairs.
-Its *scale* is the p-th power of this cutoff, as a fraction of c^p. `problem.certificate` has the
+Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below c^p. A
+smaller cutoff that fits the costs makes the problem an ordinary one, with far fewer near pairs. The
+*scale* of the smaller cutoff is its p-th power, as a fraction of c^p. `problem.certificate` has the
 bound that prices at the smaller cutoff prove for the whole problem. The certificate does not trust
 this module: it evaluates the prices at their own cutoff, and the assignment at the requested
 cutoff.
@@ -29,16 +29,17 @@ NEAR_CUTOFF = 2.0**-2
 """Scale above which a block is solved at its own cutoff."""
 
 DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
-"""Below the scale DOUBTFUL the digits of a solver do not show whether a block is solved, so that
+"""Below the scale DOUBTFUL, the precision of a solver is too low to show if a block is solved. Then
 the certificate decides. It rounds outward by a relative error of less than PROOF_ROUNDING."""
 
 CUTOFF_ROOM = 16.0
 """Ratio of the p-th power of a fitting cutoff to the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""Factors by which a scale grows if it is too small. The problem at a smaller cutoff is solved by
-`solve_at_fitting_cutoffs` again. From the second attempt on, LEAP leads from a too small cutoff
-directly to the cutoff of this problem, because the cutoffs below it were tried before."""
+"""Factors by which a scale grows if it is too small. Each problem at a smaller cutoff is solved by
+another call of `solve_at_fitting_cutoffs`, which may choose a still smaller cutoff. The factor is
+STEP in the first attempt, and LEAP in the calls of later attempts. LEAP leads directly to the
+cutoff of the problem of that call, because the smaller cutoffs were tried before."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]
@@ -85,11 +86,11 @@ def solve_at_fitting_cutoffs(
 
 
 def fitting_scales(states: States) -> Floats:
-    """Return the scale of a fitting cutoff for each block: a power of 2, and 1 by default.
+    """Return the scale of a fitting cutoff for each block: a power of 2; 1 if no smaller one fits.
 
-    It is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit"):
-    D is the cost of a pair, and the maximum is over all true objects and tracks at all steps. At
-    this cutoff an object may be left unassigned, but at a cost that is not negligible.
+    The scale is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that
+    fit"). D is the cost of a pair, and the maximum is over all true objects and tracks at all
+    steps. At this cutoff an object may be left unassigned, but at a cost that is not negligible.
     """
     problem = states.problem
     blocks = len(states.block_begin)
@@ -104,7 +105,8 @@ def fitting_scales(states: States) -> Floats:
         np.minimum.at(small, side.row, problem.cost)
         near = np.flatnonzero(small < np.inf)
         np.maximum.at(costs, blocks_of[side.track[near]], small[near])
-    # If all objects have a pair that costs 0, try the least positive cost.
+    # If all objects have a pair that costs 0, use the least positive cost of a pair, or the largest
+    # switch price if that is less.
     small = np.full(blocks, np.max(problem.switch_price, initial=0.0))
     small[small == 0] = np.inf
     first = states.block_first
@@ -145,7 +147,7 @@ def _powers(costs: Floats, largest: float) -> Floats:
 
 
 class _Ladder:
-    """Growing cutoffs until they fit, and the best solution so far."""
+    """Attempts at growing cutoffs until one fits, and the best solution so far."""
 
     def __init__(
         self, states: States, first: Solution, base: Base, gap: float, limit: Limit, step: float
@@ -216,7 +218,8 @@ class _Ladder:
         met = width <= self.gap * self.cost
         missing = sum_by(home, solution.missing.astype(np.float64), blocks) > 0
         self.missing[chosen] = missing[chosen]
-        # If the gap at the smaller cutoff is most of the width, any larger one leaves it open, too.
+        # If the gap at the smaller cutoff is most of the width, it also stays open at larger
+        # cutoffs.
         fits: Mask = met | (own - lower > 0.5 * width)
         return fits
 
@@ -242,7 +245,7 @@ class _Ladder:
         self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 
     def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
-        """Use `part`, or without it the prices at the cutoff itself, as the proof of some blocks.
+        """Use `part` as the proof of some blocks; if it is None, use the prices at the own cutoff.
 
         `wins` (B,) marks these blocks, and `lower` (B,) are their lower bounds.
         """

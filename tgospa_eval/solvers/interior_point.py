@@ -6,11 +6,11 @@ The variables w are weights, and some constraints have a *rise* r. Below, *numbe
 Each number has a dual: the reduced cost of w or of r, or the dual y of the constraint of s.
 
 A basis of such an optimum is degenerate thousands of times. The simplex method needs an iteration
-for each of these, and an interior point method about twenty factorisations in all. The best duals
-are far from unique. Those nearest to the known duals are best for the states that the programme
-leaves out. So y is drawn to the known duals, which perturbs b by a thousandth of the distance. Near
-the end y is drawn to its own value of the iteration before (the proximal point method), which does
-not perturb the solution.
+for each degenerate variable. An interior point method needs about twenty factorisations in all. The
+best duals are far from unique. The best duals that are nearest to the known duals are also best for
+the states outside the programme. So y is drawn to the known duals. This perturbs b by a thousandth
+of the distance. Near the end y is drawn to its own value of the iteration before (the proximal
+point method). This does not perturb the solution.
 
 Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
@@ -36,9 +36,9 @@ and 1e-6 in a last one. With 1e-5 as MIN_START a round takes up to a third more 
 
 ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
 """A round ends if the mean product of numbers and duals, in c^p, is at most ENOUGH. The last round
-ends at END, if the constraints also have errors of at most LACK; one or two more iterations would
-divide these errors by 100. Until the mean product is ENOUGH, y is drawn to the known duals. With
-1e-7 as ENOUGH less is proven, and the last round is longer."""
+ends at END, if also the errors of the constraints are at most LACK. One or two more iterations
+would divide these errors by 100. Until the mean product is ENOUGH, y is drawn to the known duals.
+With 1e-7 as ENOUGH less is proven, and the last round is longer."""
 
 PULL = 1e-3
 """Stiffness with which y is drawn to other duals. With 1e-2 a first round proves less, and the last
@@ -50,7 +50,7 @@ shorter than MIN_STEP. If the mean product is at most END, a step shorter than S
 rounding is left."""
 
 PRIMAL_SHIFT = 1e-9
-"""Shift of the diagonal, without which systems would be singular at the end."""
+"""Shift of the diagonal. Without it, systems would be singular at the end."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
 """Largest number of corrections of centrality after each factorisation, and the least increase of
@@ -129,9 +129,9 @@ def solve_nearest(
 ) -> tuple[Floats, Floats] | None:
     """Return optimal w (n,), and optimal duals y (m,) that are nearly the nearest to the start.
 
-    The nearest ones minimise ``sum stiff (y - start)^2`` among the optimal duals. With `exact` the
-    solution is exact up to rounding, otherwise the mean product is `ENOUGH`. The result is None if
-    the computation breaks down or is `late`.
+    The nearest ones minimise ``sum stiff (y - start)^2`` among the optimal duals. If `exact` is
+    True, the solution is exact up to rounding. If not, the mean product is at most `ENOUGH`. The
+    result is None if the computation breaks down or is `late`.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -265,9 +265,10 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Return positive numbers and duals with this product, and the differences that they had.
+    """Return positive numbers and duals with this product; keep their differences.
 
-    The product is larger if there are large negative numbers or duals.
+    Negative numbers and duals count as 0 in the differences. If they are large, the product is
+    larger than `product`.
     """
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))

@@ -1,9 +1,9 @@
 """Linear programmes on the states that prices left undecided, in rounds of growing reach.
 
-Each programme is local: it decides the *free* states, and the others are fixed. Fixed are states
-that are decided or have slack above the reach. Components without a share in the gap are left out
-(docs/theory/solvers.md, "Programmes"). Bounds of the result are computed on all states; a programme
-does not show whether its result is optimal. Words and shapes: `tgospa_eval.solvers`.
+Each programme is local: it decides the *free* states. All other states are fixed, because they are
+decided or their slack is above the reach. Components that do not contribute to the gap have no
+programme (docs/theory/solvers.md, "Programmes"). Bounds of the result are computed on all states; a
+programme does not show whether its result is optimal. Words and shapes: `tgospa_eval.solvers`.
 
 Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
 take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
@@ -32,20 +32,21 @@ if TYPE_CHECKING:
 
 
 def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
-    """Return the part of the problem that some free states, in order, touch.
+    """Return the part of a problem around some free states; `free` must be in order.
 
     Returns
     -------
     states : States
-        The rows and columns that the free states touch. They have all their states from the step
-        before the first free state to the step after the last. The slots of columns without free
-        states have no meaning.
+        The part: the rows and columns of the free states, with all their states from the step
+        before the first free state to the step after the last free state. The slots of columns
+        without free states have no meaning.
     state : (S',) int array
-        Position in the whole of each state of the part.
+        For each state of the part: its position in the whole problem.
     free : (F,) int array
         Positions of the free states in the part.
     slot : (K',) int array
-        Position in the whole of each column slot of the free states; arbitrary for other slots.
+        For each column slot of the part: its position in the whole problem. The position is
+        arbitrary for slots of columns without free states.
     """
     pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
@@ -90,7 +91,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # A column with free states has the slots of the whole, from the slot at the step `before` on.
+    # A column with free states has its slots of the whole problem, from the step `before` on.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -100,17 +101,17 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
 
 
 def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
-    """Return the last step of each of the chosen states of these pairs."""
+    """Return the last step of each chosen state; `pair` has the pair of each."""
     following = np.minimum(chosen + 1, len(states.begin) - 1)
     goes_on = chosen + 1 < states.pair_first[pair + 1]
     return np.where(goes_on, states.begin[following] - 1, states.block_end[states.pair_block[pair]])
 
 
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
-    """Return, for each range from `low` to before `high`, the last position with a step <= `until`.
+    """Return the last position with a step <= `until` in each range from `low` to `high` - 1.
 
-    It is `low` - 1 if no step is so early. Steps rise in each range; all ranges are bisected at
-    once.
+    The result is `low` - 1 if all steps of a range are later. Steps rise in each range. All ranges
+    are bisected at once.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -125,7 +126,7 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Free states and priced slots of a programme, as positions in the whole, and its proposal."""
+"""Free states and priced slots of a programme, as positions in the whole problem; its proposal."""
 
 
 class Programmes:
@@ -136,7 +137,7 @@ class Programmes:
     iterations, seconds : int, float
         Iterations of HiGHS, and time of all programmes so far.
     crowd : bool
-        Whether the problem is a crowd, for which the simplex method would take too long.
+        True if the problem is a crowd: the simplex method would take too long.
     unit : float
         Unit of costs and reaches, in c^p: less than 1 if the gaps are small.
     """
@@ -156,10 +157,10 @@ class Programmes:
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
-        """Solve programmes of components up to `max_states`, at each reach, until gaps are closed.
+        """Solve programmes with one reach after the other until gaps are closed.
 
-        If very many states are undecided, programmes first solve the neighbourhood of the steps
-        that keep gaps open.
+        Components of more than `max_states` states are left out. If very many states are undecided,
+        the first programmes are for the steps that keep gaps open, and the steps around these.
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
@@ -187,9 +188,10 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_nearby(self, reach: float) -> None:
-        """Solve programmes in windows (`_run_windows`) if a problem is large and few are undecided.
+        """Solve programmes in windows, if a problem is large and few of its states are undecided.
 
-        Otherwise sweeps of all states are faster.
+        In other problems nothing is done, because sweeps of all states are faster. For windows see
+        `_run_windows`.
         """
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
@@ -202,8 +204,8 @@ class Programmes:
     def run_crowd(self) -> None:
         """Run the interior point method in rounds, for problems with mostly fractional weights.
 
-        States that the prices of a round make attractive are in the next round. After a round that
-        hardly helped, the reach is doubled.
+        The next round also has the states that the prices of a round make attractive. After a round
+        that hardly helped, the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
@@ -271,7 +273,8 @@ class Programmes:
     def _near(self, reach: float) -> Mask:
         """Return the states that a programme may have to decide, (S,); set the unit of its costs.
 
-        Paths that lose many times the gap can hardly have weight: the reach shrinks with the gap.
+        The reach shrinks with the gap, because paths that lose many times the gap can hardly have
+        weight.
         """
         _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
         self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
@@ -289,15 +292,15 @@ class Programmes:
         if parts:
             self._solve(parts)
             self.ascent.keep(self.ascent.wide())
-        # If no near state is undecided, states farther away keep the gap open.
+        # If no near state is undecided, states with more slack keep the gap open.
         return bool(parts) or not len(free)
 
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
         """Solve the programme of each group of states, and propose its weights and prices.
 
         The prices of a programme may miss the best bound by `PROGRAMMES.tolerance` for each state.
-        If the open gap is not larger than that, they are refined. With shares (S,), the interior
-        point method solves large groups, beginning from the shares.
+        If the open gap is at most the sum of these errors, the prices are refined. If `shares` (S,)
+        are given, the interior point method solves large groups, and begins from these weights.
         """
         ascent, solved = self.ascent, []
         for group in parts:
@@ -323,7 +326,7 @@ class Programmes:
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
-        """Solve one programme, of the whole problem or of the part that a group touches."""
+        """Solve one programme, of the whole problem or of the part around a group (`extract`)."""
         # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
@@ -361,7 +364,9 @@ class Programmes:
         return [(free, slot, refine(proposal, left())) for free, slot, proposal in solved]
 
     def _in_thread(self, work: Callable[[], T], size: int) -> T:
-        """Do work with a programme of `size` states. HiGHS cannot be stopped, only abandoned.
+        """Run `work` in a thread that can be abandoned, because HiGHS cannot be stopped.
+
+        A programme of few states (`size`) takes so little time that it needs no thread.
 
         Raises
         ------
@@ -400,7 +405,7 @@ class Programmes:
         ascent.try_prices(prices)
 
     def _propose_weights(self, free: Ints, proposed: Floats) -> None:
-        """Make the weights (S,) feasible, and try them; only those of the free states are new."""
+        """Make the weights (S,) feasible, and try them; only weights of the free states are new."""
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
@@ -411,7 +416,7 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try the new prices, but only of groups that do not raise the losses at their steps."""
+        """Try new prices of the groups whose steps lose no more; others keep their prices."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -426,7 +431,7 @@ class Programmes:
 
 
 def groups(states: States, free: Ints, component: Ints, max_states: int | None) -> list[Ints]:
-    """Group the free states by programme; components that are near in time share one.
+    """Group the free states by programme; components that are near in time share a programme.
 
     Components of more than `max_states` states are left out.
     """
@@ -448,9 +453,9 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return the steps (T,) that are at most `span` steps from those that lose most.
+    """Return the steps with large losses, and `span` steps around each, (T,).
 
-    The steps that do not count as such lose at most `allowed` together.
+    A loss is not large if it and all smaller losses sum to at most `allowed`.
     """
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
@@ -463,14 +468,14 @@ def windows(lost: Floats, allowed: float, span: int) -> Mask:
 
 INTERIOR = 25_000
 """Number of states above which `solve_whole` uses the interior point method first: without prices
-there is no starting basis. 47,000 states took 82 s, by the simplex method more than 190 s; 11,000
-states took the same time by either method."""
+there is no starting basis. 47,000 states took 82 s, and by the simplex method more than 190 s.
+11,000 states took the same time by both methods."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
     """Solve each block of a batch by HiGHS.
 
-    A block that is not solved gets its best paths, made feasible, if they cost less.
+    In a block that is not solved, the best paths, made feasible, are the answer if they cost less.
     """
     begin = time.perf_counter()
     iterations, unsolved = 0, []

@@ -25,9 +25,11 @@ Long = NDArray[np.longdouble]
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    The columns of A are the free states, and a rise of weight for each transition. A *transition*
-    is the change from a state of a pair to the next. The constraints (rows of A) are the capacities
-    of the slots of rows, those of the slots of columns, and the transitions.
+    A *transition* is the change from a state of a pair to the next. The columns of A are the free
+    states, and a rise of weight for each transition. One exception: a transition from or to a fixed
+    weight of 0 or 1 has no rise, because it is known if the weight rises or falls. The constraints
+    (rows of A) are the capacities of the slots of rows, the capacities of the slots of columns, and
+    the transitions that have a rise.
 
     Parameters
     ----------
@@ -38,9 +40,9 @@ class Programme:
     transition_reward : (F,) long float array
         Part of the reward of each free state that comes from its transitions.
     to, source : (A,) int arrays
-        States of each transition that pays for a rise, as positions among the free states. Its
-        constraint is ``w[to] - w[source] <= constant + rise``. If one state of a transition is
-        fixed, `to` is the free one, and `source` has no meaning.
+        Both states of each transition that has a rise, as positions among the free states. The
+        constraint of the transition is ``w[to] - w[source] <= constant + rise``. If one state of a
+        transition is fixed, `to` is the free one, and `source` has no meaning.
     two : (A,) bool array
         True where both states of a transition are free.
     paid : (A,) float array
@@ -48,7 +50,7 @@ class Programme:
     rows, columns : CapacityRows
         Capacities of the slots of rows and of columns.
     before : (k,) float array
-        Previous prices of the slots of the columns.
+        Previous prices of the k slots in `columns`.
     reward : float array
         Reward of each column of A.
     row, column, entry : (nnz,) arrays
@@ -96,9 +98,11 @@ class Programme:
 
     @cached_property
     def anchor(self) -> Floats:
-        """Duals <= 0 of all constraints near the best ones; HiGHS computes how much to change them.
+        """Duals <= 0 of all constraints, near the best duals; HiGHS computes the changes to them.
 
-        They are the prices, the values of the rows at these prices, and half the costs of changes.
+        The duals of columns are minus the prices. With compiled kernels, the duals of rows are
+        minus the `potentials`, and the duals of transitions are minus the switch prices. Without
+        kernels, both are 0.
         """
         dual = np.zeros(len(self.full))
         rows, columns, transitions = self.constraints
@@ -126,10 +130,11 @@ class Programme:
 
     @cached_property
     def offset(self) -> Long:
-        """Common part of the gains of each constraint of the rows, 0 for other constraints.
+        """Part of the gains that is moved to each constraint of the rows; 0 for other constraints.
 
-        Gains are A + B - cost, where small costs lose digits next to the prices A and B. So a row
-        slot with a gain is charged with A + B: its dual is smaller by this amount.
+        A gain is A + B - cost. A small cost would lose digits in a sum with the prices A and B. So
+        A + B is moved from the gain to the row slot, and the dual of the slot is smaller by this
+        amount.
         """
         entry, constraint = self.states.entry[self.free], self.rows.constraint
         count = np.bincount(self.rows.state, minlength=len(entry))
@@ -140,7 +145,7 @@ class Programme:
         return offset
 
     def reduced_long(self, dual: Long) -> Long:
-        """Return `reduced` in long doubles, at the duals with `offset` added to them."""
+        """Return the reduced costs in long doubles; `dual` is the sum of the duals and `offset`."""
         entry = self.states.entry[self.free]
         gains = np.flatnonzero(entry >= 0)
         cost = -self.reward.astype(np.longdouble)
@@ -164,8 +169,8 @@ def make_programme(
 ) -> Programme:
     """Build the programme of the free states, in order; other states are fixed at their weights.
 
-    It is: maximise ``sum_s g_s w_s - sum_a price_a |d_a|`` over weights w >= 0 with every slot at
-    most full. g_s are gains, and d_a is the change of weight in transition a. Since
+    The programme maximises ``sum_s g_s w_s - sum_a price_a |d_a|`` over weights w >= 0 that sum to
+    at most 1 in every slot. g_s are gains, and d_a is the change of weight in transition a. Since
     ``|d| = 2 max(d, 0) - d``, one column and one row of A are enough for each transition.
     """
     size = len(free)
@@ -259,8 +264,8 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 # The start of the simplex method: a basis that is consistent with the prices.
 #
 # A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular, because HiGHS leaves columns out and puts slacks in when it factors the basis. The
-# starting basis only changes the number of iterations.
+# singular, because HiGHS replaces columns by slacks, or removes them, when it factors the basis.
+# The starting basis only changes the number of iterations.
 
 
 MIN_STATES = 300
@@ -274,8 +279,8 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
     """Suggest a basis by complementary slackness at the prices; None if the programme is small.
 
     Columns with a reduced cost near zero and constraints with a dual near zero are basic. Prices do
-    not determine the duals of rows and transitions. These come from the best values of paths that
-    end in each state, the potentials of a shortest path problem: see `_potentials`.
+    not determine the duals of rows and transitions. These duals are computed from the best values
+    of paths that end in each state (`_potentials`).
     """
     if not kernels or len(p.free) < MIN_STATES:
         return None
@@ -290,10 +295,10 @@ def _potentials(p: Programme) -> Floats:
     """Return duals >= 0 of all constraints that are consistent with the prices.
 
     Along each row in time, h is the best value of a path that is at "none". F_s is the best value
-    of a path through state s to its end, F_s = (F or h before) + gain - prices, and h rises to
-    F_s - lambda. The dual of a constraint is the rise of h over it. The dual of a transition with
-    the price lambda is lambda - f, where f = F_s - h, cut to [-lambda, lambda], is the relative
-    value of s at that time.
+    of a path through state s to its end, F_s = (F or h before) + gain - prices. At this end, h
+    rises to F_s - lambda. The dual of a constraint is the rise of h over it. The dual of a
+    transition with the switch price lambda is lambda - f. Here f is F_s - h, the value of s
+    relative to "none" at that time, limited to [-lambda, lambda].
     """
     size = len(p.free)
     source, to, paid = p.source[p.two], p.to[p.two], p.paid[p.two]
@@ -361,11 +366,12 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""A programme of LARGE_LP constraints or more is large. Then the simplex method may take, for each
-constraint, ITERATIONS_EACH iterations and the work WORK_EACH. The work of an iteration is the
-number of nonzeros in a row of the inverse of the basis, by a sample of SAMPLED_ROWS rows: 5 to 20
-as a rule, 2,000 if very many costs tie. Beyond these limits many costs tie, and the interior point
-method is up to ten times faster; elsewhere it is two to four times slower."""
+"""A programme of LARGE_LP constraints or more is large. For a large programme, the simplex method
+may take ITERATIONS_EACH iterations and the work WORK_EACH for each constraint. The work of an
+iteration is the number of nonzeros in a row of the inverse of the basis, by a sample of
+SAMPLED_ROWS rows: 5 to 20 as a rule, 2,000 if very many costs tie. If the simplex method exceeds
+one of these limits, many costs tie, and the interior point method is up to ten times faster. In
+other programmes the interior point method is two to four times slower."""
 
 TAKEN_FOR_ZERO = 1e-9
 """Feasibility tolerance of HiGHS."""
@@ -374,18 +380,19 @@ SCALE, SHIFT = 2.0**70, 2.0**20
 """Largest factor by which `refine` scales costs up, and the limit at which it clips them."""
 
 ROOMIER = 1e-6
-"""Additional room in the slots of columns while duals are refined. It selects the smallest of the
-best prices, because prices near 1 lose small digits. A basis that is optimal with this room is
-optimal without it."""
+"""Additional room in the slots of columns while duals are refined. With this room, HiGHS finds the
+smallest of the best prices. Small prices are better, because prices near 1 lose small digits. A
+basis that is optimal with this room is optimal without it."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Largest error of a dual after refinement, and largest number of refinements."""
 
 DENOMINATORS, SNAP_FRACTION = 64, 1e-9
-"""Largest denominator of a fraction that weights are set to, and largest distance from it."""
+"""A weight is replaced by a fraction if its distance from the fraction is at most SNAP_FRACTION,
+and the denominator is at most DENOMINATORS."""
 
 SNAP_EXCESS = 1e-13
-"""Largest excess of snapped weights over a capacity."""
+"""Largest excess of these fractions over a capacity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -406,7 +413,8 @@ class Proposal:
         True if the simplex method would have taken too long.
     vertex : tuple, optional
         Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
-        (<= 0 because HiGHS minimises), and the basis as HiGHS has it, which is slow to unpack.
+        (<= 0 because HiGHS minimises), and the basis as an object of HiGHS, because unpacking it is
+        slow.
     """
 
     weights: Floats
@@ -431,8 +439,8 @@ def solve_restricted_lp(
 ) -> Proposal:
     """Return the best weights and prices of the free states; the others stay fixed.
 
-    `free` must be in order. With `interior`, a large programme is not tried by the simplex method
-    first, because that took too long for a similar programme.
+    `free` must be in order. As a rule, the simplex method is tried first. If `interior` is True, it
+    is not tried for a large programme, because it would probably take too long.
     """
     p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
@@ -460,7 +468,7 @@ def solve_restricted_lp(
 
 SOFT = 0.01
 """Stiffness (`solvers.interior_point`) of the duals of rows and transitions, relative to that of
-prices. It is small, because these duals are not kept."""
+prices. It is small, because the duals of rows and transitions are not kept."""
 
 
 def solve_interior(
@@ -477,17 +485,17 @@ def solve_interior(
     """Solve as `solve_restricted_lp`, by the interior point method; None if that breaks down.
 
     The method begins at the weights `shares` (F,) and at the `prices`. It returns the optimal
-    prices that are nearest to `prices`; with `exact` they are exact up to rounding. It needs the
-    compiled kernels.
+    prices that are nearest to `prices`. If `exact` is True, the result is exact up to rounding. It
+    needs the compiled kernels.
     """
-    from scipy import sparse  # lazy: slow to import, and few scenes are crowds
+    from scipy import sparse  # lazy: slow to import and rarely needed
 
     from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 
     p = make_programme(states, free, weights, prices, switch_price)
     deadline = None if seconds is None else time.monotonic() + seconds
     size = len(free)
-    bare = np.flatnonzero(np.isfinite(p.upper))  # bounds are constraints too
+    bare = np.flatnonzero(np.isfinite(p.upper))  # upper bounds become constraints
     inner = p.column < size
     ends = len(p.full), len(p.full) + len(bare)
     row = np.append(p.row[inner], np.arange(*ends))
@@ -516,11 +524,11 @@ def solve_interior(
 def refine(proposal: Proposal, seconds: float | None) -> Proposal:
     """Refine the prices of a proposal from 1e-9 to the last place.
 
-    With costs c and duals y, an iteration is ``y <- y + y' / s``. Here y' are the duals of
-    ``min s (c - A'y) x`` over the same polytope, from the same basis, s is a large factor, and
-    c - A'y is computed in long doubles: Gleixner, Steffy and Wolter, "Iterative refinement for
-    linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, so they are columns
-    of the model.
+    With costs c and duals y, an iteration is ``y <- y + y' / s``. Here s is a large factor, c - A'y
+    is computed in long doubles, and y' are the duals of ``min s (c - A'y) x`` over the same
+    polytope, from the same basis. Source: Gleixner, Steffy and Wolter, "Iterative refinement for
+    linear programming" (INFORMS Journal on Computing 2016). The slacks are columns of the model,
+    because they have a cost.
     """
     if proposal.vertex is None:
         return proposal
@@ -585,7 +593,8 @@ def _spread(p: Programme, dual: Floats) -> Floats:
 def _snapped(p: Programme, values: Floats) -> Floats:
     """Return the weights, rounded to nearby fractions with small denominators if capacities allow.
 
-    At a vertex, weights are fractions, mostly 0, 1, 1/2 or 1/3; HiGHS returns them within 1e-9.
+    At a vertex, weights are fractions, mostly 0, 1, 1/2 or 1/3. HiGHS returns them with errors up
+    to 1e-9.
     """
     weights = np.clip(values[p.parts[0]], 0.0, 1.0)
     left = np.flatnonzero((weights != 0) & (weights != 1))
@@ -609,7 +618,8 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
     """Return the programme for HiGHS: minimise the reduced costs at `anchor`.
 
-    Its duals are the changes of the anchor. The slacks of the constraints `slack` are columns.
+    The duals of this model are the changes to the anchor. The model has columns for the slacks of
+    the constraints `slack`.
     """
     row = np.append(p.row, slack)
     column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
@@ -634,9 +644,11 @@ def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
 
 
 class _Silent(highspy.Highs):
-    """HiGHS without output. Since 1.16.0 its constructor prints a banner when it enables callbacks.
+    """HiGHS without output.
 
-    That is before any option can be set from outside. Callbacks are not used.
+    Since HiGHS 1.16.0, the constructor calls `enableCallbacks`, and this prints a banner before a
+    user can set any option. Here this method switches the output off instead. Callbacks are not
+    used.
     """
 
     def enableCallbacks(self) -> None:  # noqa: N802
@@ -662,10 +674,11 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """Run HiGHS; return it, whether it is optimal, iterations, and whether simplex was too slow.
+    """Run HiGHS; return it, if it is optimal, iterations, and if the simplex method was too slow.
 
-    The simplex method is tried first. If it takes long or fails, the interior point method with
-    crossover follows. If this fails too, the simplex method follows without a limit of iterations.
+    The simplex method is tried first, except for a large programme if `interior` is True. If it
+    takes long or fails, the interior point method with crossover is next. If this fails too, the
+    simplex method is run without a limit of iterations.
     """
     deadline = None if seconds is None else time.monotonic() + seconds
     large = len(p.full) >= LARGE_LP
@@ -681,7 +694,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
-    highs.setOptionValue("presolve", "on")  # without it, ties keep the method above its tolerances
+    highs.setOptionValue("presolve", "on")  # without it, ties keep errors above the tolerances
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
@@ -692,7 +705,7 @@ def _solve(
 
 
 def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run the simplex method within its limits; return whether it is optimal, and iterations."""
+    """Run the simplex method within the limits of large programmes; return as `_run`."""
     rows = highs.getNumRow()
     done, work, portion = 0, 0.0, 3 * rows // 8
     while True:
@@ -705,7 +718,7 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = done  # runs become longer: if many costs tie, short runs restart without progress
+        portion = done  # each run is longer: if many costs tie, short runs make no progress
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
@@ -722,7 +735,7 @@ def _over(deadline: float | None) -> bool:
 def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
     """Run until the deadline; return whether there is an optimum, and the number of iterations."""
     if deadline is not None:
-        # The limit of HiGHS is for the time of all runs of a model.
+        # HiGHS compares its time limit with the total time of all runs of a model.
         left = max(deadline - time.monotonic(), 0.0)
         highs.setOptionValue("time_limit", highs.getRunTime() + left)
     highs.run()

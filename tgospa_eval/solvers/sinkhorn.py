@@ -2,11 +2,11 @@
 
     max  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(slack),   H(t) = t - t log t
 
-over mixtures theta of the paths of each row, where slack is what the paths leave of each column
-slot. Words and letters: `tgospa_eval.solvers`. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
-computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
-(docs/theory/solvers.md, "Sinkhorn sweeps"). The bounds of the result come from the prices and from
-the rounded assignment. The entropic value is not a bound.
+over mixtures theta of the paths of each row. The slack of a column slot is 1 minus the mass of the
+paths in it. Words and letters: `tgospa_eval.solvers`. After Nevelius Wernholm, Wärnsäter and Ringh,
+"Fast computation of the TGOSPA metric for multiple target tracking via unbalanced optimal
+transport" (docs/theory/solvers.md, "Sinkhorn sweeps"). The bounds of the result come from the
+prices and from the rounded assignment. The entropic value is not a bound.
 
 `entropic_trace` computes primal and dual of the entropy-regularised problem itself, sweep by sweep.
 
@@ -15,10 +15,10 @@ With mass theta on the paths pi of each row, and slack sigma of each column slot
     min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma),
     sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot,
 
-the multimarginal problem of [Wernholm], theorem 1: a row is a marginal over paths, its path a place
-in the tensor, and sigma the mass of the row that means "none". The problem has all states and all
-slots, and not a working set as the sweeps of `Sinkhorn`, so that its value does not depend on the
-algorithm (docs/theory/solvers.md, "The entropic value").
+the multimarginal problem of [Wernholm], theorem 1: a row is a marginal over paths, a path of the
+row is a place in the tensor, and sigma is the mass of the row that means "none". The sweeps of
+`Sinkhorn` work on a part of the states (the working set). This problem has all states and all
+slots, so its value does not depend on the algorithm (docs/theory/solvers.md, "The entropic value").
 """
 
 import itertools
@@ -158,7 +158,7 @@ def _check(
     epsilon: float,
     violation: float,
 ) -> dict[str, float]:
-    """Return one record of `Answer.history`."""
+    """Return the numbers of one check, for `Answer.history`."""
     upper = float((ascent.cost - ascent.unassigned_cost)[blocks].sum())
     return {
         "sweep": sweep,
@@ -179,17 +179,18 @@ MAX_TRACE, MAX_LINKS = 1000, 5_000_000
 
 MET, STILL = 1e-7, 1e-9
 """A trace ends if the gap between primal and dual is at most the share MET of the dual, or if the
-dual has changed by at most the share STILL of it since the last check."""
+dual has changed since the last check by at most the share STILL of its value."""
 
 NEVER = 700.0
 """Ratio of switch price to temperature above which the mass that pays the price underflows."""
 
 Trace = list[dict[str, float]]
-"""Records of the checks: sweep, epsilon, violation, and primal, dual and cost in units of c^p."""
+"""For each check of a trace: sweep, epsilon, violation, and primal, dual and cost in units of
+c^p."""
 
 
 def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:
-    """Sweep over all states until primal and dual meet; return a record of each check.
+    """Sweep over all states until primal and dual meet; return the numbers of each check.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
 
 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
-    """Return the primal and the dual value with entropy, and the gain without, at prices v.
+    """Return primal and dual value with entropy, and the gain without entropy, at prices v.
 
     The masses are theta = exp((value_v - alpha) / epsilon), with alpha_i = epsilon log sum_pi
     exp(value_v / epsilon) for row i, and sigma = exp(-v / epsilon). By the Lagrangian dual
@@ -278,11 +279,11 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """Return the value of each row, the mass of each state, and its mass from the state before.
+    """Return values of rows, masses of states, and for each state the mass from the state before.
 
-    They come from messages a and A, in logarithms (docs/theory/solvers.md, "Messages"). With
-    q = exp(-lambda / epsilon), A_0' = a_0 + q sum a_s and A_s' = (1 - q^2) a_s + q A_0', and the
-    same backward in time.
+    They are computed from messages a and A, in logarithms (docs/theory/solvers.md, "Messages").
+    With q = exp(-lambda / epsilon), A_0' = a_0 + q sum a_s and A_s' = (1 - q^2) a_s + q A_0', and
+    the same backward in time.
     """
     row = np.repeat(states.pair_row, np.diff(states.pair_first))
     order = np.lexsort((row, states.begin))  # by step, then by row

@@ -35,7 +35,7 @@ def paths(states: States, value: Floats) -> Floats:
         np.maximum.at(unassigned_value, at, reached - price)
         after = unassigned_value[at]
         left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
-        unassigned_from[at[left]] = state[left] - 1  # of equal states the first is written last
+        unassigned_from[at[left]] = state[left] - 1  # written last: the first of equal states
         enter = after - price
         stays = (reached >= enter) & (state > states.pair_first[pair])
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])
@@ -81,7 +81,8 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
     value : (S,) float array
         Gain minus price of each state.
     preference : (S,) float array
-        Preference of each state. If two rows claim a column slot, the larger one wins.
+        Preference of each state. If two rows claim a column slot, the state with the larger
+        preference wins.
     """
     value = value.copy()
     for _ in range(ROUNDINGS):
@@ -242,10 +243,10 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
 
 
 def _hold(states: States, weights: Floats) -> None:
-    """Keep pairs assigned through their runs without gain if no other pair uses the slots.
+    """Assign pairs also in their runs without gain, if no other pair uses the slots.
 
-    If switches are free, this does not change the cost. It lowers the reported number of switches
-    as far as this assignment allows. Short runs come first.
+    If switches are free, this does not change the cost. The reported number of switches becomes as
+    small as this assignment allows. Short runs come first.
     """
     run = states.entry < 0
     size = len(weights)

@@ -1,7 +1,7 @@
 """Tuned numbers of the certified solver, each with its reason.
 
 These numbers do not affect the validity of the bounds: any prices bound the optimum from below, and
-any feasible weights from above. They affect the time until both meet. A docstring is for all
+any feasible weights from above. They affect the time until both bounds meet. A docstring is for all
 numbers since the docstring before it. "Not measured" means that a round number was chosen. Scenes
 such as 50,100,20,2 are settings m,T,area,noise of docs/performance.md: targets, steps, side of the
 square, and standard deviation of the errors. Words: `tgospa_eval.solvers`. Temperatures and reaches
@@ -54,8 +54,8 @@ class Ascending:
         (0.001, 64),
     )
     """Stages from hot to cold. 64 sweeps at a small temperature cost little compared with a
-    programme, and leave an error of 1e-5 of the dual value. With programmes after 16 sweeps at
-    0.02, solving took 2 to 4 times as long."""
+    programme. After them, the error is 1e-5 of the dual value. With programmes directly after 16
+    sweeps at 0.02, solving took 2 to 4 times as long."""
 
     small: int = 10_000
     small_stages: tuple[Stage, ...] = (
@@ -66,10 +66,10 @@ class Ascending:
         (0.003, 32),
         (0.001, 64),
     )
-    """Stages of a problem with at most `small` states. There even the smallest programme costs as
-    much as four stages, and the sweeps of a stage cost hardly more than the rest of the stage. 10
-    objects and 10 tracks at 50 steps in a square of 100 with c = 10 take 0.77 of the time,
-    20,50,20,1 takes 0.9."""
+    """Stages of a problem with at most `small` states. In such a problem, even the smallest
+    programme costs as much as four stages, and the sweeps of a stage cost hardly more than the rest
+    of the stage. Compared with `stages`, 10 objects and 10 tracks at 50 steps in a square of 100
+    with c = 10 take 0.77 of the time, and 20,50,20,1 takes 0.9 of it."""
 
     resumed: tuple[Stage, ...] = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
     """Stages from a near warm start. For `--curve` they take a tenth of the time of all stages."""
@@ -79,9 +79,9 @@ class Ascending:
     gained: float = 0.001
     """A stage is repeated with a new working set, up to `repeats` stages, while two conditions are
     true: columns are violated by more than `settled`, and the stage lowered the dual value by more
-    than the fraction `gained` of the cost. More sweeps with the old set would only drive prices to
-    where states outside the set are better. With cutoffs far above the errors, the stage at 0.01 is
-    far from settled after 64 sweeps: 100,60,150,2 with c = 50 takes 2.5 instead of 10 s."""
+    than the fraction `gained` of the cost. With the old set, more sweeps would only lead to prices
+    at which states outside the set are better. With cutoffs far above the errors, the stage at 0.01
+    is far from settled after 64 sweeps: 100,60,150,2 with c = 50 takes 2.5 instead of 10 s."""
 
     free: float = 8.0
     """If half a switch costs less than the last temperature, all steps are solved separately first.
@@ -96,13 +96,14 @@ class Ascending:
     skip: float = 0.01
     skip_above: float = 0.02
     skip_above_large: float = 0.05
-    """If gaps are smaller than the fraction `skip` of the cost, the stage after a stage above this
-    temperature is skipped. The temperature is higher for large problems, which have hard spots even
-    if the gap of the whole is small. Not measured."""
+    """If a stage above the temperature `skip_above` makes the gaps smaller than the fraction `skip`
+    of the cost, the next stage is skipped. For large problems the temperature is
+    `skip_above_large`, because they have hard spots even if the gap of the whole is small. Not
+    measured."""
 
     thresholds: tuple[float, ...] = (1.0, 0.0, 3.0)
-    """After a stage, prices up to each of these multiples of the temperature are tried as 0, which
-    is the best price in slots without competition. Not measured."""
+    """After a stage, prices up to each of these multiples of the temperature are replaced by 0, and
+    the result is tried. 0 is the best price in slots without competition. Not measured."""
 
 
 class Programming:
@@ -119,13 +120,14 @@ class Programming:
     the stage is at most `early_from` (small problems: `early_from_small`), and the gap is smaller
     than the fraction `early_gap` of the cost. Only components of up to `early_states` states have
     such programmes. After the stage at 0.01 or later ones, a programme takes as long as the sweeps
-    that would save its iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds with wide
-    cutoffs take 0.8 of the time. After the stage at 0.02, or with a reach of 0.05, it is often in
-    vain. Reaches above `afar` are only used if the gap is smaller than the fraction `nearly` of the
-    cost: then a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes
-    4.3 instead of 8.8 s. The second programme with the reach 0.3 is for the states that became
-    attractive. With it, and then with the one at 0.5, 50,100,31.6 takes 0.4 and 0.75 of the time:
-    there the reach 1.0 would join half of all states."""
+    that would be needed instead of its iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, and
+    crowds with wide cutoffs take 0.8 of the time. After the stage at 0.02, or with a reach of 0.05,
+    a programme is often in vain. Reaches above `afar` are only used if the gap is smaller than the
+    fraction `nearly` of the cost. In this case only a few paths are missing, and stages do not find
+    them: 300,500,300,5 with c = 10 takes 4.3 instead of 8.8 s. The second programme with the reach
+    0.3 is for the states that became attractive. It reduces the time of 50,100,31.6 to 0.4 of the
+    time without it. The programme with the reach 0.5 then reduces it to 0.75 of that, because the
+    reach 1.0 would join half of all states there."""
 
     crowd: int = 20_000
     crowded: float = 0.5
@@ -142,25 +144,25 @@ class Programming:
     have settled. The last is the programme of all states, so that the method ends."""
 
     sure: float = 40.0
-    """If the gap is below c^p / `sure`, the unit of reaches and tolerances is not c^p, but `sure`
-    times the gap; the first reach is then four times the gap. Without this, no reduced cost shows a
-    switch that costs 1e-9 c^p: 20 objects and 21 tracks at 20 steps on a line with p = 1 take 0.8
-    instead of 23 s."""
+    """The unit of reaches and tolerances is c^p, or `sure` times the gap if that is less. In the
+    second case the first reach is four times the gap. With the unit c^p, no reduced cost would show
+    a switch that costs 1e-9 c^p. With the smaller unit, 20 objects and 21 tracks at 20 steps on a
+    line with p = 1 take 0.8 instead of 23 s."""
 
     stuck: float = 0.5
     stuck_gap: float = 0.005
-    """If a programme after all stages leaves more than the share `stuck` of the gap, and more than
-    the fraction `stuck_gap` of the cost, no second one with the same reach follows. Not
-    measured."""
+    """A second programme with the same reach is skipped if, after the first one, the gap is more
+    than the share `stuck` of the gap before it, and more than the fraction `stuck_gap` of the cost.
+    This rule is for programmes after all stages. Not measured."""
 
     group: int = 3000
-    """Approximate number of states of the components that share a programme. The time of the
-    simplex method grows faster than the programme: many components in one programme take longer
-    than one after the other."""
+    """Approximate number of states of a programme that several components share. The time of the
+    simplex method grows faster than the size of the programme, so many components in one programme
+    take longer than one after the other."""
 
     after: int = 10
-    """Number of steps after the begin of the last state of a group in which the losses from its new
-    prices may still appear. Not measured."""
+    """Losses from new prices of a group are counted up to this number of steps after the begin of
+    its last state. Not measured."""
 
     quick: int = 500
     build: float = 1e-5
@@ -196,7 +198,7 @@ class Crowding:
     states the temperature must also be at most the fraction `of_located` of the mean cost of
     assigned pairs: at higher temperatures everything looks undecided, and 60,50,20,2 with c = 10
     takes 1.4 instead of 1 s. `large` is less than the 134,000 states of a scene of 60 objects at
-    100 steps with an ignored class, which the simplex method does not finish. The mean is 0.22 in
+    100 steps with an ignored class, which the simplex method did not finish. The mean is 0.22 in
     50,100,20,2 and 100,100,30,2, which the simplex method solves twice as fast, and 0.35 in
     100,100,20,2."""
 
@@ -209,18 +211,18 @@ class Crowding:
     nearly: float = 1e-4
     """Groups of fewer than `min_states` states do not use this method. The `reach` is halved, down
     to `min_reach`, while on average more than `each` states are near at a slot of a row, because
-    time grows with the cube of their number. After a round that leaves more than the share `helped`
-    of the gap, the reach is doubled, up to the factor `widest` (8 took the same time in all cases).
-    If the gap is below the fraction `nearly` of the cost, a round is solved up to rounding. In
-    crowds the first round leaves a gap of 2e-4 to 5e-4 of the cost, and the second one 1e-5 to
-    1e-4, solved up to rounding or not."""
+    time grows with the cube of their number. If more than the share `helped` of the gap remains
+    after a round, the reach is doubled, up to the factor `widest` (8 took the same time in all
+    cases). If the gap is below the fraction `nearly` of the cost, a round is solved up to rounding.
+    In crowds the gap is 2e-4 to 5e-4 of the cost after the first round, and 1e-5 to 1e-4 after the
+    second one, whether this is solved up to rounding or not."""
 
 
 class Windowing:
     """Settings of programmes around steps that keep gaps open, for many undecided states.
 
-    Chosen on recordings in which one component had a million undecided states: the time of one
-    model of HiGHS for all of them grows faster than its size.
+    They were chosen on recordings in which one component had a million undecided states. The time
+    of one model of HiGHS for all these states grows faster than the size of the model.
     """
 
     undecided: int = 50_000
@@ -230,8 +232,8 @@ class Windowing:
     widen: int = 4
     shrink: float = 0.3
     """A window has `span` steps before and after each step that keeps gaps open. If more than the
-    share `shrink` of the gap remains, the reach rises to `farther`. If more remains again, the
-    reach is the first one, and `span` is multiplied by `widen`. Not measured."""
+    share `shrink` of the gap remains, the reach rises to `farther`. If more than this share remains
+    again, the reach falls to its first value, and `span` is multiplied by `widen`. Not measured."""
 
     farther: float = 1.0
     """Reach after a window that did not help."""
@@ -243,7 +245,8 @@ class Windowing:
     large: int = 200_000
     share: float = 0.02
     """A problem of at least `large` states is also solved in windows between stages, while at most
-    the share `share` of its states is near in a window: a stage of sweeps takes about as long."""
+    the share `share` of its states is near in a window. Such a window takes about as long as a
+    stage of sweeps."""
 
 
 class TimeWindowing:
@@ -259,18 +262,19 @@ class TimeWindowing:
     shortest: int = 50
     overlap: int = 5
     """The core of a window has about `size` states and at least `shortest` steps. The window has
-    `overlap` more steps on either side, and those of `fading`. 100,3000,100 with 740,000 states
-    takes 1.5 instead of 1.9 s on one core; the hard 60,600,60,2 with c = 20 and 670,000 states
-    takes 5.9 instead of 8.5 s. If `size` is 100,000, the hard scene takes 5.5 s, but the other one
-    2.5 s, and there are fewer windows for the threads. If prices are not unique, more overlap does
-    not make windows agree at more seams, and the steps in it are solved twice."""
+    `overlap` more steps on either side, and the additional steps of `fading`. 100,3000,100 with
+    740,000 states takes 1.5 instead of 1.9 s on one core; the hard 60,600,60,2 with c = 20 and
+    670,000 states takes 5.9 instead of 8.5 s. If `size` is 100,000, the hard scene takes 5.5 s, but
+    the first scene takes 2.5 s, and there are fewer windows for the threads. If prices are not
+    unique, windows do not agree at more seams if they overlap more, and all steps of the overlap
+    are solved twice."""
 
     fading: float = 4.0
     highest_price: float = 10.0
     """On either side of a window, `fading` steps are added for each c^p that half a switch costs.
-    If it costs 2 c^p, an overlap of 5 steps leaves gaps of 1e-3, and 10 steps leave no gaps. If it
-    costs more than `highest_price` c^p, the assignment depends on steps far away, and components
-    are not divided (not measured)."""
+    If half a switch costs 2 c^p, gaps of 1e-3 remain with an overlap of 5 steps, and no gaps with
+    10 steps. If half a switch costs more than `highest_price` c^p, the assignment depends on steps
+    far away, and components are not divided (not measured)."""
 
 
 ASCENT, PROGRAMMES, CROWDS, WINDOWS = Ascending(), Programming(), Crowding(), Windowing()

@@ -1,4 +1,4 @@
-"""Proposals for a problem from solutions of neighbouring problems: parts may need no solver.
+"""Proposals for a problem from solutions of neighbouring problems; they may solve some blocks.
 
 Neighbours differ in one parameter C, which is c^p or gamma^p. If C is between C_0 and C_1,
 
@@ -18,7 +18,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
-"""Excess of a sum of weights above 1 that is more than rounding. The proof repairs smaller ones."""
+"""Largest excess of a sum of weights above 1 that counts as rounding. The proof repairs it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +82,7 @@ class WarmStart:
     prices : (K,) float array
         Prices of the column slots, >= 0.
     near : bool
-        Whether the best prices are near, so that the solver can begin with low temperatures.
+        True if the best prices are near these. Then the solver can begin with low temperatures.
     """
 
     weights: tuple[Floats, ...]
@@ -150,9 +150,9 @@ def make_warm_start(
     """Build a warm start from the assignments of neighbours, and shares of their prices.
 
     The weight of a state is the saved weight of its pair at its first step. The price of a slot is
-    the sum of the saved prices of its estimate at the steps of the slot; how prices are spread over
-    these steps has no meaning. `origin` has the indices that the true objects, estimates and steps
-    of this problem have in the saved ones; by default they are the same.
+    the sum of the saved prices of its estimate at the steps of the slot. Only such sums have a
+    meaning, not the prices of single steps in a slot. `origin` has the indices of the true objects,
+    estimates and steps of this problem in the saved problems. By default the indices are the same.
     """
     problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
     same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))
@@ -181,7 +181,7 @@ def _feasible(states: States, weights: Floats) -> Floats:
     pair = states.pair[used]
     full = np.zeros(len(states.block_begin), bool)
     for node in (states.pair_row[pair], states.pair_column[pair]):
-        # The end of an assignment sorts before a begin at the next step.
+        # The end of an assignment comes before a begin at the next step.
         moment = np.concatenate((begin * np.int64(2) + 1, end * np.int64(2) + 2))
         change = np.concatenate((weights[used], -weights[used]))
         whose = np.concatenate((node, node))
