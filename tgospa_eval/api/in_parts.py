@@ -51,7 +51,7 @@ UNKNOWN_MEMORY = 2 * 10**9
 """Default limit of memory if the memory of the machine is unknown."""
 
 Moment: TypeAlias = tuple[str, float]
-"""Clock of a time (``"number"``, ``"local"`` or ``"zoned"``), and its value."""
+"""Kind of a time (``"number"``, ``"local"`` or ``"zoned"``), and the value of the time."""
 
 
 def memory_of(limit: int | None) -> int | None:
@@ -97,11 +97,10 @@ def parts_in_words(
     if can_be_divided(paths):
         return f"{' and '.join(paths)} need about {size} of memory, more than {given} allows"
     if options.memory is None:
-        return None  # too little memory is an error of reading
+        return None  # read at once: the reader raises an error if memory is too small
     raise MemoryTooSmallError(
         f"{' and '.join(paths)} need about {size} of memory, more than {given} allows; only CSV "
-        "and "
-        f"Parquet files are read in parts: allow {option('memory', size)}"
+        f"and Parquet files are read in parts: allow {option('memory', size)}"
     )
 
 

@@ -1,8 +1,10 @@
-"""Many small evaluations as one problem, one after the other in time, with separate results.
+"""Many small evaluations, solved together as one problem, with separate results.
 
-A pair here is the truth and the estimate of one evaluation. Two pairs share no step, object or
-component. So the search, the reduction, the solution of trivial components and the certificate
-process all pairs at once. A pair with components that need a solver is solved separately.
+A pair here is the truth and the estimate of one evaluation. The steps of all pairs are placed one
+behind the other on one time axis, so two pairs share no step, object or component. Four things are
+done for all pairs at once: the search, the reduction, the solution of trivial components, and the
+certificate. A pair with components that need a solver is solved separately. Words and shapes such
+as (S,) are those of `tgospa_eval.solvers`.
 """
 
 import itertools
@@ -99,7 +101,7 @@ def is_like(pair: AlignedPair, first: AlignedPair) -> bool:
 
 
 class JoinedPairs:
-    """Pairs of truth and estimate as one problem, one after the other in time.
+    """Pairs of truth and estimate as one problem, with their steps behind each other in time.
 
     Parameters
     ----------
@@ -193,7 +195,8 @@ class JoinedPairs:
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
         """Return a mask of pairs in which one displacement may explain most of the distances.
 
-        For each assigned pair of states, `pair` has the index of its pair of truth and estimate.
+        `pair` has a number for each two states that are assigned to each other: the index of the
+        evaluation to which they belong.
         """
         first, second = (
             side.side.state[side.row[rows[here.taken]]]
@@ -235,8 +238,9 @@ class JoinedPairs:
     def costs(self) -> Iterator[Costs | None]:
         """Yield costs of each pair, equal to those of a separate evaluation to the last bit.
 
-        None means that the pair must be evaluated separately: its bounds need smaller cutoffs, or
-        the joint methods do not solve it.
+        None means that the pair must be evaluated separately: its cutoff is so
+        far above its errors that the solver must use a smaller one (docs/theory/solvers.md,
+        "Cutoffs that fit"), or the joint methods do not solve it.
         """
         self.states = states = self.reduced()
         problem = states.problem
@@ -257,7 +261,10 @@ class JoinedPairs:
             yield costs if proven else None
 
     def _solve(self) -> tuple[Floats, Floats, Mask]:
-        """Return weights (S,), prices (K,), and a mask of pairs to be evaluated separately."""
+        """Return the weights of states, the prices of column slots, and a mask of pairs.
+
+        The mask has the pairs that must be evaluated separately.
+        """
         states, price = self.states, self.parameters.switch_price
         weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
         separate, highest = np.zeros(len(self.pairs) - 1, bool), np.zeros(len(self.pairs) - 1)
@@ -280,7 +287,7 @@ class JoinedPairs:
         return weights, prices, separate
 
     def _part(self, k: int) -> tuple[States, slice, slice]:
-        """Return the problem of pair k, and its slices of all states and of all column slots."""
+        """Return the problem of pair k, and the slices of its states and column slots."""
         problem = self.states.problem
         part, state, slot = self.states.between(*self.blocks[k : k + 2])
         step, last = self.steps[k : k + 2].tolist()
@@ -316,7 +323,10 @@ class JoinedPairs:
         return states, state, slot
 
     def _unpaired(self) -> list[list[float]]:
-        """Return the cost of objects in no component: of the truth and the estimate, by pair."""
+        """Return the costs of objects, and of tracks, that are in no component.
+
+        These are two lists, each with one value for each pair.
+        """
         costs = []
         sides = zip(self.states.problem.sides, self.states.track_blocks, self.rows, strict=True)
         for side, blocks, rows in sides:

@@ -97,6 +97,11 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     """
     circle, equals, numbers = text.partition("=")
     if circle != CIRCLE or not equals:
+        if not os.path.exists(text):
+            raise InputError(
+                f"{option('region', text)}: no such file; write ranges of columns as x=5:10, and a "
+                "circle as circle=X,Y,RADIUS"
+            )
         regions = as_regions(text, decimal)
         assert regions is not None
         if not regions.shapes:

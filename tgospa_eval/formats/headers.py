@@ -592,7 +592,7 @@ def unit_of(text: str) -> str:
     return next(units, "")
 
 
-DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
+DETECTIONS = "rows without ids are detections, which TGOSPA cannot evaluate: it compares tracks"
 
 
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
@@ -672,7 +672,7 @@ def absent(
         items += [name for name in states if name not in named]
     also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
     if also and missing == ["id"]:
-        also += "; if each file is an object, add a column id with its name"
+        also += "; if each file has one object, add a column id with the name of the object"
     if "id" in missing and headers.directions:
         also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
     pairs = headers.pairs(used) if "position" in missing else []

@@ -1,9 +1,10 @@
-"""Linear programmes on the states that prices left undecided, in rounds of growing reach.
+"""Linear programmes that decide the weights of states which the sweeps left open.
 
-Each programme is local: it decides the *free* states. All other states are fixed, because they are
-decided or their slack is above the reach. Components that do not contribute to the gap have no
-programme (docs/theory/solvers.md, "Programmes"). Bounds of the result are computed on all states; a
-programme does not show whether its result is optimal. Words and shapes: `tgospa_eval.solvers`.
+Words and shapes are those of `tgospa_eval.solvers`; docs/theory/solvers.md, "Programmes", defines
+slack, reach and free states. Programmes run in rounds, and each round admits states with a larger
+slack: its reach grows. A programme changes the weights of its *free* states only. All other states
+keep their weights. Components that do not contribute to the gap have no programme. Bounds of the
+result are computed on all states; a programme does not show whether its result is optimal.
 
 Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
 take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
@@ -37,9 +38,9 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     Returns
     -------
     states : States
-        The part: the rows and columns of the free states, with all their states from the step
-        before the first free state to the step after the last free state. The slots of columns
-        without free states have no meaning.
+        The part: all pairs that share a row or a column with a free state. They have their states
+        from the step before the first free state to the step after the last free state. Some
+        columns of the part have no free state; the slots of these columns have no meaning.
     state : (S',) int array
         For each state of the part: its position in the whole problem.
     free : (F,) int array
@@ -91,7 +92,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # A column with free states has its slots of the whole problem, from the step `before` on.
+    # From the step `before` on, a column with free states has its slots of the whole problem.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -130,7 +131,7 @@ Solved = tuple[Ints, Ints, "Proposal"]
 
 
 class Programmes:
-    """Linear programmes for an ascent, which keeps their best weights and prices.
+    """Linear programmes that improve an `Ascent`, which keeps the best weights and prices so far.
 
     Attributes
     ----------
@@ -204,8 +205,8 @@ class Programmes:
     def run_crowd(self) -> None:
         """Run the interior point method in rounds, for problems with mostly fractional weights.
 
-        The next round also has the states that the prices of a round make attractive. After a round
-        that hardly helped, the reach is doubled.
+        The prices of a round can show that other states may save cost. These are added in the next
+        round. After a round that hardly helped, the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
@@ -273,8 +274,8 @@ class Programmes:
     def _near(self, reach: float) -> Mask:
         """Return the states that a programme may have to decide, (S,); set the unit of its costs.
 
-        The reach shrinks with the gap, because paths that lose many times the gap can hardly have
-        weight.
+        `reach` counts in this unit, and the unit shrinks with the gap. The reason is that a path
+        hardly has a weight if it costs more than the best path by many times the gap.
         """
         _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
         self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
@@ -357,7 +358,7 @@ class Programmes:
         return free, proposal.slot if slots is None else slots[proposal.slot], proposal
 
     def _refined(self, solved: list[Solved]) -> list[Solved]:
-        """Return the proposals with duals refined to the last place."""
+        """Return the proposals with prices (dual values) that are refined to the last place."""
         from tgospa_eval.solvers.restricted_lp import refine  # lazy: HiGHS is slow to import
 
         left = self.batch.limit.left
@@ -378,7 +379,7 @@ class Programmes:
     def _propose(self, solved: list[Solved]) -> None:
         """Try the proposed weights and prices, and mixtures of new and old prices.
 
-        A mixture may be better than both, because the dual is convex.
+        A mixture may be better than both, because the bound is concave in the prices.
         """
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
@@ -416,7 +417,10 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try new prices of the groups whose steps lose no more; others keep their prices."""
+        """Try the new prices of some groups: their steps do not lose more than with the old prices.
+
+        The other groups keep their old prices.
+        """
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -467,15 +471,18 @@ def windows(lost: Floats, allowed: float, span: int) -> Mask:
 
 
 INTERIOR = 25_000
-"""Number of states above which `solve_whole` uses the interior point method first: without prices
-there is no starting basis. 47,000 states took 82 s, and by the simplex method more than 190 s.
-11,000 states took the same time by both methods."""
+"""Number of states above which `solve_whole` uses the interior point method first.
+
+The simplex method needs a good start, which only prices give. 47,000 states took 82 s by the
+interior point method, and more than 190 s by the simplex method. 11,000 states took the same time
+by both methods."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
     """Solve each block of a batch by HiGHS.
 
-    In a block that is not solved, the best paths, made feasible, are the answer if they cost less.
+    If a block is not solved to the end, the answer is the cheaper one of two: the weights so far,
+    or the best paths, made feasible.
     """
     begin = time.perf_counter()
     iterations, unsolved = 0, []

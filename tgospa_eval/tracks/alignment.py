@@ -120,8 +120,8 @@ class TimeMatching:
         ]
         if chosen and self.max_gap is None:
             raise ConfigError(
-                f"{chosen[0]} needs {option('max_gap', metavar='DT')}, the longest gap between two "
-                "states of a trajectory that is interpolated"
+                f"{chosen[0]} needs {option('max_gap', metavar='DT')}: longer gaps between two "
+                "states of a trajectory are not interpolated"
             )
         if self.max_gap is not None and not chosen:
             raise ConfigError(

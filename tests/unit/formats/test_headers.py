@@ -170,7 +170,7 @@ def test_scores_are_no_ids(write: Write, header: str) -> None:
     (message,) = refusal(write("a.csv", f"{header}\n{row}\n"))
     assert "no column for id (" in message
     assert "columns=('id=HEADER',)" in message
-    assert "rows without ids are detections, and TGOSPA compares tracks" in message
+    assert "rows without ids are detections, which TGOSPA cannot evaluate" in message
 
 
 @pytest.mark.parametrize(

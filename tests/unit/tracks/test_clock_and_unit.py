@@ -181,7 +181,7 @@ def test_unit_scale_changes_lengths_alone() -> None:
         (("--unit-scale", "inf"), "'--unit-scale': 'inf' is no plain, finite number"),
         (("--unit-scale", "1e308"), "times its scale is too large for a number"),
         (("--max-gap", "1"), "--max-gap is for --interpolate"),
-        (("--interpolate", "truth"), "needs --max-gap DT, the longest gap"),
+        (("--interpolate", "truth"), "needs --max-gap DT: longer gaps"),
         (("--interpolate", "truth", "--max-gap", "0"), "max-gap is 0: must be finite and > 0"),
         (("--interpolate", "both"), "'both' is not one of"),
     ],
