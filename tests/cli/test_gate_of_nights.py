@@ -159,6 +159,27 @@ def test_copies_of_a_run_infer_nothing(gate: Invoke) -> None:
     assert rule["inference"]["runs"] == 13
 
 
+def test_copies_among_new_runs_alone_infer_nothing(gate: Invoke) -> None:
+    for seed in range(2, 7):
+        for path in ("data/a/{}/truth.csv", "out/a/{}.csv"):
+            shutil.copy(path.format(1), path.format(seed))
+    (rule,) = groups(gate("--format", "json"))["a"]["rules"]
+    assert "inference" not in rule
+
+
+def test_a_dead_run_of_a_short_recording(gate: Invoke) -> None:
+    for seed, steps in enumerate((1000, 900, 800, 60, 50, 40), 1):
+        runs(0, scenes="a", seeds=[seed], steps=steps)
+        path = Path(f"out/a/{seed}.csv")  # every tenth state is missed
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text("".join(line for k, line in enumerate(lines) if k % 10 or k == 0))
+    assert gate("--update-baseline").status == 0
+    write("out/a/6.csv", "id,t,x,y\n")
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    assert "it misses 40 of 40 ground-truth states" in groups(answer)["a"]["notes"][0]
+
+
 def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
     for folder in ("data/a", "out/a"):
         shutil.rmtree(folder)

@@ -486,6 +486,9 @@ def vis(*, hidden: str = "", mark: str = "0,1") -> str:
     return "\n".join(("id,frame,HEADER,x,y", *rows)) + "\n"
 
 
+PARKED = "".join(f"2,{t},0,9,4\n" for t in range(9))
+
+
 @pytest.mark.parametrize(
     ("header", "truth", "estimate", "way"),
     [
@@ -496,7 +499,9 @@ def vis(*, hidden: str = "", mark: str = "0,1") -> str:
             vis(hidden="-1,-1", mark="False,True"),
             "--estimate-where 'visible == True'",
         ),
+        ("vis", vis(), vis(hidden="0,0"), "--estimate-where 'vis > 0'"),
         ("visibility", vis(), vis(), ""),  # hidden objects with known positions
+        ("visibility", f"{vis()}{PARKED}", f"{vis()}{PARKED}", ""),  # one is always hidden
         ("conf", vis(), vis(), "--truth-where 'conf > 0'"),
         ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--truth-where 'iscrowd == 0'"),
     ],

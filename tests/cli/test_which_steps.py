@@ -179,7 +179,6 @@ def test_reports_between_the_times_of_the_truth_are_no_outage(
             {"interpolate": "estimate", "max_gap": 10},
             {"interpolate": "estimate", "max_gap": 30},
         ),
-        (True, {"grid": "truth"}, {"grid": "union"}),
     ],
 )
 def test_a_track_that_the_clock_leaves_out_is_told(

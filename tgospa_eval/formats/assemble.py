@@ -203,7 +203,11 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
             yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")
-        elif len(at) > 1 and (off == mask & (state == state[at[0]]).all(axis=1)).all():
+        elif (
+            len(at) > 1
+            and np.isin(rows.ids[1][at], rows.ids[1][mask & ~off]).all()
+            and (off == mask & (state == state[at[0]]).all(axis=1)).all()
+        ):
             place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
             text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
             yield Notice(code="not-visible", text=text, remedy=remedy)

@@ -240,11 +240,11 @@ LENGTHS = {
     **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), 1e3),
     "cm": 1e-2,
     "mm": 1e-3,
-    "nm": 1e-9,
+    "nm": 0.0,
     **dict.fromkeys(MICRONS, 1e-6),
     **dict.fromkeys(("px", "pixel", "pixels"), 0.0),
 }
-"""Metres of each unit of length; 0 for pixels, which have no fixed length."""
+"""Metres of each unit of length; 0 for pixels, and for nm: nanometres or nautical miles."""
 
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
@@ -311,7 +311,9 @@ SIDES = {
 """Words in headers of positions that tell the side, if a table has the positions of both sides."""
 
 AIRCRAFT_OR_SHIP = re.compile(
-    "hex|icao.*|mmsi|imo|call.?sign|flight.*|registration|tail.*|squawk", re.IGNORECASE
+    "hex|icao(24)?([ _]?(address|code|hex))?|mmsi|imo([ _]?(no|number))?|call.?sign|"
+    "flight([ _]?(id|no|number))?|registration|tail[ _]?(no|number)|squawk",
+    re.IGNORECASE,
 )
 SPEEDS = re.compile("speed|(ground.?)?speed.*|gs|sog|velocity|.*knots", re.IGNORECASE)
 COURSES = re.compile("heading|course|cog|direction|bearing", re.IGNORECASE)
@@ -370,10 +372,12 @@ class Headers:
     @property
     def _has_directions(self) -> bool:
         """True if a column ``track`` is a direction, as in data of aircraft and ships."""
-        has_speeds = any(map(SPEEDS.fullmatch, self.names))
-        on_earth = self.places("lat") and self.places("lon") and has_speeds
-        of_craft = any(map(AIRCRAFT_OR_SHIP.fullmatch, self.names))
-        return of_craft or bool(on_earth and not any(map(COURSES.fullmatch, self.names)))
+
+        def any_is(pattern: re.Pattern[str]) -> bool:
+            return any(map(pattern.fullmatch, self.names))
+
+        on_earth = bool(self.places("lat") and self.places("lon"))
+        return on_earth and (any_is(AIRCRAFT_OR_SHIP) or (any_is(SPEEDS) and not any_is(COURSES)))
 
     def spelt(self, header: str, name: str) -> int | None:
         """Return the position of a header, or None if it is missing.

@@ -483,7 +483,7 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 FLAG = re.compile(
-    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?visib(le|ility)", re.I
+    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
 )
 """Pattern of headers of columns that may say which rows do not count.
 

@@ -127,6 +127,10 @@ def test_thousands_marks_in_doubt(write: Write, x: str, doubtful: bool) -> None:
         assert read(path, ReadOptions(where=tests, decimal=",")).taken == 1
 
 
+def test_pairs_in_an_unused_column_are_no_decimals(write: Write) -> None:
+    assert not read(write("a.csv", "id;t;x;cell\na;1;1.250;3,4\na;2;2.375;3,5\n")).warnings
+
+
 def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
     path = write("a.csv", "id;t;x;y;weight\na;1;15;2;0,5\nb;2;3;-4.25;0,5\n")
     assert rows_of(read_trajectories(path)) == {("a", 1): (15.0, 2.0), ("b", 2): (3.0, -4.25)}

@@ -229,8 +229,8 @@ def test_a_track_of_an_aircraft_is_a_direction(write: Write) -> None:
     said = 'id is read from "icao24", not from "track"; columns=(\'id=track\',) reads that'
     assert said in reading.notices
     assert list(read_trajectories(path, columns=("id=track",)).ids) == ["90", "91"]
-    radar = write("b.csv", "time,track,lat,lon,speed,course\n0,1,55,12,90,80\n")
-    assert list(read_trajectories(radar).ids) == ["1"]
+    for table in ("lat,lon,speed,course\n0,1,55,12,90,80\n", "x,y,flight\n0,1,55,12,2\n"):
+        assert list(read_trajectories(write("b.csv", f"time,track,{table}")).ids) == ["1"]
 
 
 def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:

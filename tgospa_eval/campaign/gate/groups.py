@@ -8,11 +8,10 @@ usual spread of its seeds (`jumps`). A group within its limit does not fail beca
 under absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
 
 A run in which the tracker failed is dead. A dead run always fails, whatever the limit is. Let m be
-the largest number of states that a run of the scene missed in the baseline; runs that missed all
-states do not count. Let n be the number of ground-truth states of a new run. The new run is dead if
-it misses more than m + (n - m) / 2 states. If its share of misses is a jump, more than
-m + (n - m) / 4 is enough. A run that missed all states in each night of the baseline is allowed to
-miss all states again.
+the largest share of its states that a run of the scene missed in the baseline; runs that missed all
+states do not count. A new run is dead if the share that it misses is above m + (1 - m) / 2. If this
+share is a jump, more than m + (1 - m) / 4 is enough. A run that missed all states in each night of
+the baseline is allowed to miss all states again.
 
 A table of a suite defines groups by one pattern. All groups of a table are also judged together, as
 one more group. This shows small changes that all groups have in common. `confidence` is that of the
@@ -126,8 +125,8 @@ class SceneRuns:
         """Indices of the runs that a test uses, new and of the baseline; copies are left out."""
         sides = self.data
         if self.paired:
-            both: list[object] = [*zip(*sides, strict=True)]
-            sides = both, both
+            kept = [k for k in range(len(self.now)) if all(s.index(s[k]) == k for s in sides)]
+            return kept, kept
         first, second = (
             [k for k, data in enumerate(side) if side.index(data) == k] for side in sides
         )
@@ -154,28 +153,34 @@ class SceneRuns:
         """
         findings = []
         nights = [
-            [missed for missed in map(_missed, nights_of(entry)) if missed < all_states]
+            [
+                missed / all_states
+                for missed in map(_missed, nights_of(entry))
+                if missed < all_states
+            ]
             for entry in self.old
             for all_states in [entry["judged"]["truth_states"]]
         ]
         ever = max((missed for living in nights for missed in living), default=math.inf)
         died = sum(map(len, nights)) < sum(len(nights_of(entry)) for entry in self.old)
+        lengths = {entry["judged"]["truth_states"] for entry in self.old}
         could_live = map(bool, nights) if self.paired else [True] * len(self.now)
         runs = [*zip(self.names, self.now, p_values, could_live, strict=True)]
         runs += [(name, one, 1.0, True) for name, one in self.added.items()]
         for name, one, p, alive in runs if ever < math.inf else ():
             states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
-            limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
+            before = round(ever * states, 9)
+            limit = before + (states - before) * (0.25 if p <= FALSE_ALARMS else 0.5)
             if alive and missed.lower > limit and (one.silent or states >= MIN_STATES):
                 note = (
                     f"{name}: the tracker failed: it misses {missed.lower:g} of {states} "
                     "ground-truth states"
                     f"{' and reports none' if one.silent else ''}; no "
                     f"{'living run' if died else 'run'} of {self.name} in the baseline missed "
-                    f"more than {ever:g}"
+                    f"more than {before:g}{f' of {states}' * (len(lengths) > 1)}"
                 )
                 findings.append(
-                    replace(rules.judge(replace(ALIVE, slack=limit), missed, ever), note=note)
+                    replace(rules.judge(replace(ALIVE, slack=limit), missed, before), note=note)
                 )
         return findings
 

@@ -257,8 +257,6 @@ def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Noti
                 ("it" if lone else "them") if len(gaps) == len(names) else f"{len(gaps)} of them"
             )
             remedy = f"use {option('max_gap', longest)} to evaluate {which}"
-        elif matching.grid != "union":
-            remedy = f"{option('grid', 'union')} counts all steps"
         yield Notice(
             code="not-evaluated",
             text=f"{len(names):,} of {counted(len(side.ids), nouns[role])} "

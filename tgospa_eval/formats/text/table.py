@@ -38,7 +38,14 @@ from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.headers import BOX, unit_of
 from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.roles import Roles, are_numbers, find_roles, placed_names, without_header
+from tgospa_eval.formats.roles import (
+    FLAG,
+    Roles,
+    are_numbers,
+    find_roles,
+    placed_names,
+    without_header,
+)
 from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered, spacings
 from tgospa_eval.formats.text.lines import (
     BLANKS,
@@ -296,6 +303,7 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
     if other == delimiter or other not in text:
         return roles, requested
     rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
+    scores = {k for k, name in enumerate(roles.headers) if FLAG.fullmatch(name)}
     grouped, certain, elsewhere = "", False, False
     with suppress(csv.Error):  # reported when rows are read
         for row in rows:
@@ -303,7 +311,7 @@ def with_decimal(text: str, delimiter: str, roles: Roles, requested: str) -> tup
                 if re.fullmatch(DECIMAL, field):
                     is_clear = not re.fullmatch(GROUPED_NUMBER, field)
                     if k not in columns:
-                        elsewhere |= is_clear and other in field
+                        elsewhere |= k in scores and is_clear and other in field
                     elif requested in field and is_clear:
                         return roles, requested
                     elif requested in field:
