@@ -486,3 +486,14 @@ def test_milliseconds_beside_seconds_whose_stamps_do_not_coincide(invoke: Any) -
     for offset in ("500ms", "0.5"):
         assert invoke(*given, *more, "--time-offset", offset, "-q").status == 0
     assert invoke(*given, "--time-offset", "5 apples").status == 2
+
+
+@pytest.mark.parametrize("header", ["alt_ft", "altitude (ft)", "geo_altitude_feet"])
+def test_heights_in_feet_are_told(tmp_path: Path, header: str) -> None:
+    table = f"id,t,lat,lon,{header}\n1,0,50,8,328\n1,1,50.001,8,328\n"
+    files = [tmp_path / f"{name}.csv" for name in ("truth", "estimate")]
+    for file in files:
+        file.write_text(table)
+    warnings = evaluate(*files, distance="geodesic", cutoff=100, switch_penalty=50).warnings
+    said = f"heights ({header}) are left out: they are not in metres"
+    assert sum(said in str(one) for one in warnings) == 2

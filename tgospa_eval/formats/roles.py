@@ -330,6 +330,22 @@ def _with_height(
     return (*wanted, name), ""
 
 
+OTHER_HEIGHT = re.compile(
+    r"((baro|geo|geometric)[ _]?)?(alt|altitude|hae|height)\W?_?\W?(ft|feet|km|fl)\W?",
+    re.IGNORECASE,
+)
+"""Pattern of headers of heights that are not in metres."""
+
+
+def _other_unit(header: str) -> Notice:
+    """Return the warning that heights are left out, because they are not in metres."""
+    return Notice(
+        code="heights-left-out",
+        text=f"heights ({header}) are left out: they are not in metres",
+        remedy="to compare heights, write them in metres in a column alt",
+    )
+
+
 def find_roles(
     header: Sequence[str],
     options: ReadOptions,
@@ -431,7 +447,14 @@ def find_roles(
         ),
         height=height,
         options=options,
-        doubts=() if named or options.boxes else tuple(mixes.doubts),
+        doubts=(
+            *(() if named or options.boxes else mixes.doubts),
+            *(
+                map(_other_unit, filter(OTHER_HEIGHT.fullmatch, unused))
+                if wanted == PLACES and options.heights
+                else ()
+            ),
+        ),
     )
 
 
