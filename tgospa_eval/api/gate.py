@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
-    """Return the options that are given for a pair, by the names of their fields.
+    """Return the options that are given for a pair, by the names of the fields of `Request`.
 
     They have four sources: the `entry` of the baseline at `path`, the settings file, the suite, and
     the command line with the environment. Each source has priority over those before it.
@@ -101,12 +101,14 @@ def judge_all(
     gate : GateOptions
         Options of the gate, such as rules and baseline.
     truth, estimate : str, optional
-        Two files; or a store as baseline, and a store to judge; or only `truth`, a store to judge.
-        Without both, the suite is judged.
+        There are four cases: the files of truth and estimate; two stores, of which `truth` is the
+        baseline and `estimate` is judged; only `truth`, a store to judge; or neither, to judge the
+        suite.
     notify : callable
         Function that receives each line for the user.
     run : callable, optional
-        Function that calls the work of a pair in this process, for example to show its progress.
+        Function that receives the evaluation of a pair as a callable, and calls it in this process.
+        For example, it shows the progress.
 
     Raises
     ------
@@ -149,7 +151,8 @@ def judge_all(
 def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
     """Print warnings about groups and stored jobs, and return the report.
 
-    No evaluation printed these warnings: with `stored`, there was none.
+    Nothing has printed these warnings yet: a group has no evaluation of its own, and jobs of stores
+    (`stored`) are not evaluated again.
     """
     for one in report.outcomes:
         for warning in one.warnings if stored or one.group else ():
@@ -272,10 +275,10 @@ def _with_faults(
     old: Baseline | None,
     path: str,
 ) -> Iterator[Job]:
-    """Yield the pairs, with a fault if this branch changes a file that the target should provide.
+    """Yield the pairs, with a fault if one of their files differs from that of the target.
 
-    Pairs that the baseline lacks are marked as new. `target` is the revision or folder of
-    ``--against``.
+    `target` is the git revision or folder of ``--against``, which provides the truth and the files
+    that options name. Pairs that the baseline lacks are marked as new.
     """
     known, tables = old or {}, judge_pairs.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
@@ -293,8 +296,9 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # A scene is all labels but the seed. If the target has the truth of a run, and the baseline
-        # has a run of the same scene, a new seed does not make the run new: its group judges it.
+        # Runs whose labels differ only in the seed are of one scene. A run with a new seed is not
+        # new if three things hold: the target has its truth, the baseline has another run of its
+        # scene, and a group judges it.
         in_group = target.has(pair.truth) and scene(pair.labels) in scenes
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
@@ -367,8 +371,8 @@ def _evaluated(
         if "error" in row:
             yield row, {}
             continue
-        # Later runs inherit the recorded options. If the solver did not reach the accuracy, its
-        # settings are therefore left out.
+        # Later runs inherit the recorded options. So settings of the solver are recorded only if
+        # they led to the requested accuracy.
         recorded = {
             OPTION_SPECS[name].key: value
             for name, value in given[pair.name].items()
@@ -429,7 +433,7 @@ def _task(
 
 
 def _naming_files(options: Mapping[str, object]) -> list[str]:
-    """Return the options whose values are paths of files, as a settings file names them."""
+    """Return the names, as in a settings file, of the options whose values are paths of files."""
     named = {key: NAMES.get(key, key) for key, value in options.items() if value}
     return [key for key, name in named.items() if names_file(name, options[key])]
 
@@ -546,7 +550,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
 # The Python function ``gate``.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
-"""Keywords of the options that change the value. The keys are the names in a baseline."""
+"""Options that change TGOSPA: the keyword of ``evaluate``, by the name in a baseline."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -642,7 +646,8 @@ def gate(
     against : str, optional
         Git revision or folder from which suite, baseline, truths and configuration are read.
     newer_than : str or path, optional
-        A time, or a file with this time. A pair of a suite fails if its estimate is an older file.
+        A time, or a file whose time of last change is used. A pair of a suite fails if its estimate
+        was last changed before.
     fail_on : str or iterable of str
         Rules such as ``"total:+2%"`` or ``"nees:1.5..2.5"``; by default ``"total:+0.001%"``.
     warn_on : str or iterable of str
@@ -667,8 +672,8 @@ def gate(
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        Whether a group above its limit fails even if the choice of seeds can explain this. If true,
-        a group with new runs does not pass, either.
+        If true, a group above its limit fails, even if the choice of seeds can explain the excess.
+        A group with runs that the baseline lacks then does not pass.
 
     Options that are not given come from the suite or the baseline. If these lack an option, it has
     the default of `evaluate`. Options of a suite must be texts or numbers. Objects such as

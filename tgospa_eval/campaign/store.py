@@ -1,8 +1,9 @@
-"""Store of a batch: a folder with settings and parts. A part is a file with a row for each job.
+"""Store of a batch: a folder with settings and parts. A part is a file with rows of some jobs.
 
-A part is written to a temporary file, and then renamed. If a process is killed, the store therefore
-has all finished parts and no incomplete part. If several rows have the same key, the latest row
-with the status "done" counts. If none of them has this status, the latest row counts.
+Each row is the result of a job, and the key of the row identifies the job. A part is written to a
+temporary file, and then renamed. If a process is killed, the store therefore has all finished parts
+and no incomplete part. A job that was run again has several rows with the same key. Of these, the
+latest row with the status "done" counts. If none of them has this status, the latest row counts.
 """
 
 import errno
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Field of a row with the steps of a job, by column. A worker hands it to the store."""
+"""Name of the field of a row that has the steps of a job. A worker hands it to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns in the row of a job: number of its stored steps, and whether they have the curve."""
@@ -51,7 +52,7 @@ CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 CURVE_PARTS = tuple(f"curve.{part}" for part in PARTS)
 """Columns with the parts of the curve.
 
-They are costs of the steps up to each step, divided by the number of these steps.
+At step k, each has one part of the cost, added up over the steps 1 to k and divided by k.
 """
 
 GOSPA_COLUMNS = ("gospa", "gospa.localisation", "gospa.missed", "gospa.false")
@@ -104,11 +105,11 @@ def read_part(path: Path) -> Iterator[None]:
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the fields about steps for the row of a job.
 
-    Without `per_step`, the fields say that no steps are stored. The steps have these columns: times
-    as they were read, the number of steps of the horizon up to each step, and costs in state units
-    to the power p. For each step, the columns of the curve have the value of an evaluation that
-    ends at this step, and its bounds, as in `Result.curve`. These columns are NaN if the curve was
-    not requested.
+    Without `per_step`, the fields say that no steps are stored. If steps are stored, they have
+    these columns: the time as it was read; the number of steps so far that count in values per
+    step; and costs in state units to the power p. For each step, the columns of the curve have the
+    value of an evaluation that ends at this step, and its bounds, as in `Result.curve`. These
+    columns are NaN if the curve was not requested.
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -227,9 +228,9 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
 
 
 ALL_BYTES = 2**31 - 1
-"""Number of bytes of a lock file that a process with all jobs locks on Windows.
+"""Number of bytes to lock on Windows: a process that does all jobs locks so many of the lock file.
 
-A process with one shard locks one byte.
+A process that does one shard locks one byte.
 """
 
 NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
@@ -249,7 +250,7 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
     shard : pair of int
         Index of the shard, from 0, and number of shards.
     said : Path, optional
-        Folder that messages name, if not `folder`.
+        Folder to show in messages; by default `folder`.
 
     Raises
     ------

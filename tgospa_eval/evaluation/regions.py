@@ -99,8 +99,8 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     if circle != CIRCLE or not equals:
         if not os.path.exists(text):
             raise InputError(
-                f"{option('region', text)}: no such file; write ranges of columns as x=5:10, and a "
-                "circle as circle=X,Y,RADIUS"
+                f"{option('region', text)}: is neither a range, a circle nor an existing file; "
+                "write x=5:10, circle=X,Y,RADIUS or the path of a file of regions"
             )
         regions = as_regions(text, decimal)
         assert regions is not None

@@ -187,21 +187,22 @@ def _in_utc(code: Ints, value: Ints) -> Times:
 def _in_words(code: Ints, value: Ints, clock: str) -> Times:
     """Return times with their ISO texts.
 
-    `value` has the distinct times, and `code` has the index in `value` of the time of each row.
+    `value` has the distinct times. The time of row r is `value[code[r]]`.
     """
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
 
 def carried(times: Times, begins: float, name: str) -> Times:
-    """Move times of day before `begins` to the next day.
+    """Move times of day before `begins` to the next day, for recordings that go over midnight.
 
     Parameters
     ----------
     times : Times
         Times of day.
     begins : float
-        Time at which the day begins, in the unit of the times; in seconds if they are texts.
+        Earliest time of day of the first day, in the unit of the times; in seconds if they are
+        texts.
     name : str
         Beginning of messages.
 
@@ -232,9 +233,9 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
     """Return the first row that seems to begin a new day, with a remedy.
 
     Such a row is more than half a day earlier than the previous row of its track in the file. The
-    result is None in three cases: there is no such row; the times are not times of day; or the rows
-    are not in the order of time, as one is more than half a day later than the previous row of its
-    track.
+    result is None in three cases: there is no such row; the times are not times of day; or a row is
+    more than half a day later than the previous row of its track. In the last case the rows are
+    probably not sorted by time.
 
     Parameters
     ----------

@@ -676,7 +676,7 @@ def absent(
         items += [name for name in states if name not in named]
     also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
     if also and missing == ["id"]:
-        also += "; if each file has one object, add a column id with the name of the object"
+        also = f"; if each file has one object, add a column id with the name of the object{also}"
     if "id" in missing and headers.directions:
         also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
     pairs = headers.pairs(used) if "position" in missing else []
