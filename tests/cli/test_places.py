@@ -327,7 +327,7 @@ def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
     )
     with pytest.raises(ConfigError, match="must be circle=LAT,LON,RADIUS"):
         evaluate(truth, plots, **local, region="circle=0,0")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="nor an existing file"):
         evaluate(truth, plots, **local, region="missing.geojson")
 
 
