@@ -127,7 +127,7 @@ def test_a_new_run_is_dead_or_only_warned_about(gate: Invoke) -> None:
     runs(0, scenes="a", seeds=range(1, 8))
     answer = gate("--format", "json")
     assert (answer.status, groups(answer)["a"]["warnings"][0]["code"]) == (0, "not-in-baseline")
-    assert "a/7: not in the baseline, so only the rule on dead runs judges this run" in answer.err
+    assert "a/7: not in the baseline, so only the rule on dead runs and 'max' apply" in answer.err
     assert gate("--strict").status == 2
     write("suite.toml", SUITE.replace("[[group]]", 'max = ["total=0"]\n[[group]]'))
     (pair,) = (

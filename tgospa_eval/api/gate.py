@@ -174,11 +174,12 @@ def _judge_store(
     folder, baseline = _stores(gate, first, second)
     path = baseline or ""
     table = _stored(folder, path)
-    unfinished = Store(folder).unfinished(len(table))
-    if unfinished and gate.update_baseline:
-        raise InputError(f"{folder}: {unfinished}; {REST}")
-    if unfinished:
-        notify(f"warning: {folder}: {unfinished}; {REST}")
+    done = {folder: len(table)} | ({first: len(Store(first).rows())} if second else {})
+    for name, count in done.items():
+        if unfinished := Store(name).unfinished(count):
+            if gate.update_baseline:
+                raise InputError(f"{name}: {unfinished}; {REST}")
+            notify(f"warning: {name}: {unfinished}; {REST}")
     pairs = [
         Job(
             name=name,

@@ -481,7 +481,7 @@ def _grid(
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
-    if times.clock == "number" and len(timestamps) and timestamps[0] > 1.9e7:
+    if times.clock == "number":
         from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
 
         side = options.option.rpartition("columns")[0]
@@ -489,7 +489,7 @@ def _grid(
         if form := calendar_format(timestamps):
             ways = " or ".join(option(f"{side}time_format", form) for side in sides)
             such = f" such as {timestamps[0]:.15g}" * rows.whole  # not of each part
-            shown = f"times{such} look like dates, and count as numbers"
+            shown = f"times{such} look like dates or times of day, and count as numbers"
             remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
             choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
     labels = None

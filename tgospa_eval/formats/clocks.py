@@ -274,20 +274,39 @@ CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S
 def calendar_format(timestamps: TimeArray) -> str:
     """Return the format of numbers that look like dates, such as 20260301120058.
 
-    The result is blank if not all numbers are dates, and ``"?"`` if only some have fractions.
+    Numbers such as 120058 look like times of day if the intervals between these times of day have
+    fewer distinct lengths than the differences of the numbers. The result is blank if not all
+    numbers are such dates or times. It is ``"?"`` if only some have fractions or six digits.
     """
-    if len(timestamps) < 2 or not 1.9e7 < timestamps[0] <= timestamps[-1] < 2.2e16:
+    if len(timestamps) < 2 or timestamps[0] < 0 or not timestamps[-1] < 2.2e16:
         return ""
-    texts = timestamps.astype(np.int64).astype(str)
-    form = CALENDAR.get(len(texts[0]), "")
-    if not form or len(texts[-1]) != len(texts[0]) or not "19" <= texts[0][:2] <= "21":
+    if timestamps[-1] < 240_000:
+        seconds, minutes = timestamps % 100, timestamps // 100 % 100
+        if max(seconds.max(), minutes.max()) >= 60:
+            return ""
+        time_of_day = timestamps // 10_000 * 3600 + minutes * 60 + seconds
+        if _distinct_lengths(time_of_day) >= _distinct_lengths(timestamps):
+            return ""
+        form = "%H%M%S" if timestamps[0] >= 100_000 else "?"
+    elif timestamps[0] <= 1.9e7:
         return ""
-    import pandas as pd  # lazy: few times have so many digits
+    else:
+        texts = timestamps.astype(np.int64).astype(str)
+        form = CALENDAR.get(len(texts[0]), "")
+        if not form or len(texts[-1]) != len(texts[0]) or not "19" <= texts[0][:2] <= "21":
+            return ""
+        import pandas as pd  # lazy: few times have so many digits
 
-    known = pd.to_datetime(pd.Series(texts), format=form, errors="coerce").notna().all()
+        if pd.to_datetime(pd.Series(texts), format=form, errors="coerce").isna().any():
+            return ""
     is_whole = timestamps % 1 == 0
     form = "?" if is_whole.any() and not is_whole.all() else form
-    return form + ".%f" * (timestamps.dtype.kind == "f" and form != "?") if known else ""
+    return form + ".%f" * (timestamps.dtype.kind == "f" and form != "?")
+
+
+def _distinct_lengths(times: TimeArray) -> int:
+    """Return the number of distinct intervals between successive times, up to rounding."""
+    return len(np.unique(np.diff(times).round(6)))
 
 
 def _day_of(time: float) -> int:

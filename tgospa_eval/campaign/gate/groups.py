@@ -217,9 +217,8 @@ class Group:
         """Yield warnings about runs that are left out, and about copies."""
         added = [name for scene in self.scenes for name in scene.added]
         if added:
-            which = "this run" if len(added) == 1 else "these runs"
-            text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs"
-            yield Notice(code="not-in-baseline", text=f"{text} judges {which}")
+            text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
+            yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
         yield from about_copies("", (data for scene in self.scenes for data in scene.data[0]))
 
 
