@@ -106,7 +106,7 @@ CELL_AXES = 3
 number of ranges of a truth row."""
 
 MANY_CANDIDATES = 64
-"""A tree is faster if there are more candidates than this for each row, and for each near pair."""
+"""A tree is faster if there are more candidates than this per row and also per near pair."""
 
 SAMPLED_TRUTHS = 100
 """Number of truth rows whose near pairs are counted, to estimate the number of all near pairs."""
@@ -139,17 +139,18 @@ class SearchedSide:
 
 
 Candidates = tuple[Ints, Ints, Ints]
-"""An order of the estimate rows; begins and lengths of ranges of this order, (ranges, R) each. The
-candidates of a truth row are the estimate rows in its ranges."""
+"""The estimate rows in some order, and for each of R truth rows the begins and the lengths of its
+ranges in this order, (ranges, R) each. The candidates of a truth row are the estimate rows in its
+ranges."""
 
 
 def search(
     a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, in order, all pairs that may be near, and maybe other pairs.
+    """Yield, in order, all pairs that the reaches do not exclude, and maybe other pairs.
 
-    A pair is a row of `a` and a row of `b`. It may be near in this case: on every axis its points
-    differ by less than the larger of their reaches, and `power` allows it.
+    A pair is a row of `a` and a row of `b`. It is excluded if its points differ on some axis by the
+    larger of their reaches or more, or if `power` excludes it.
 
     Parameters
     ----------
@@ -158,9 +159,8 @@ def search(
     reaches : two (d, R) or (d, 1) float arrays
         Reaches of `a` and of `b`; finite and > 0.
     power : float
-        Power of a Minkowski norm (`Distance.tree_power`). Divide the difference of two points on
-        each axis by the larger reach. If the norm of the quotients is above 1, the pair is not
-        near.
+        Power of a Minkowski norm (`Distance.tree_power`). On each axis, divide the difference of
+        two points by the larger reach. A pair is excluded if the norm of the quotients is above 1.
     """
     if not len(a.step) or not len(b.step):
         return
