@@ -217,7 +217,7 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return lower bounds of the squared distance of each pair minus that of its means.
+    """Return, for each pair, a lower bound of W_2^2 minus the squared distance of the means.
 
     The bounds follow from the covariances of the clouds in the rows `i` and `j`.
     """

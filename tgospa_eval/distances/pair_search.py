@@ -86,10 +86,11 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 # Candidates for near pairs: the pairs of a step that remain after sorting along the axes.
 #
 # Each point has a reach on each axis: near points differ by less than the larger of their two
-# reaches. The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the
-# largest reach. The candidates of a truth row are a few ranges of this order, found by bisection.
-# Axes are added one by one until the candidates are few. Rounding of the cells only adds
-# candidates, and loses no pair. The exact differences of the candidates decide afterwards.
+# reaches. The estimates are sorted by step, and then by cells along the axes. A cell is about as
+# wide as the largest reach; along the first axis, cells are finer. The candidates of a truth row
+# are a few ranges of this order, found by bisection. Axes are added one by one until the candidates
+# are few. Rounding of the cells only adds candidates, and loses no pair. Afterwards, the
+# differences of the candidates are compared with the reaches.
 #
 # If too many candidates remain and reaches are unequal, the points with small reaches and the
 # points with large reaches are searched separately, recursively. If there are still too many
@@ -242,10 +243,10 @@ def _by_cells(
 ) -> Candidates:
     """Return candidates by cells along all axes; the cells along the first axis are finer.
 
-    Let `low` be the least coordinate. The point x is in the cell floor((x - low) / w) < 2^40 of
-    width w, where the quotient is exact to 2^-12. A reach, widened by the share 2^-10, is n cells
-    wide. So the indices of the cells of near points x and y differ by at most n: |x - y| / w +
-    2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
+    Let `low` be the least coordinate, and w the width of a cell. The point x is in the cell with
+    the index floor((x - low) / w) < 2^40, where the quotient is exact to 2^-12. n cells are as wide
+    as a reach that is widened by the share 2^-10. So the indices of near points x and y differ by
+    at most n: |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
     The step and the indices of all axes make one key. Empty cells at the ends of each axis separate
     the neighbours of different keys. If a key would have too many bits, or the quotient too few,

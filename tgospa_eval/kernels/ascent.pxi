@@ -373,7 +373,7 @@ cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexce
 
 
 cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
-    """Give each row in turn its best path through slots that other rows leave; count improvements.
+    """Give each row in turn its best path through slots without other rows; count improvements.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
@@ -882,9 +882,9 @@ cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_beg
 
 
 cdef struct Walk:
-    i32* held                    # states that a row could be in at a step,
-    i32* cursor                  # the next slot that they compete for,
-    i32* latest                  # and their latest link
+    i32* held                    # states that a row could be in at a step
+    i32* cursor                  # next slot for which each of these states competes
+    i32* latest                  # latest link of each of these states
     i32* link_of                 # last link of each state of the row, when it ended
     const i32* slot_step
     const i32* slot_end
@@ -895,8 +895,8 @@ cdef struct Walk:
 
 
 cdef struct AtRow:               # data of a pass on the latest node of a row: one cache line
-    double none                  # mass at "none",
-    double left[2]               # in states that continue, and in states that may end or begin here
+    double none                  # mass at "none"
+    double left[2]               # mass in states that continue, and in all other states
     double price                 # q at this node
     double factor[2]             # factors of the mass of a link: by way of "none", and without
     double added[2]

@@ -324,7 +324,7 @@ class Switches:
         Step and true object of each change.
     before, after : (N,) int arrays
         Estimate with the largest decrease of its weight, and estimate with the largest increase; -1
-        if no weight decreases, or increases.
+        if there is no such estimate.
     variation : (N,) float array
         Total variation of the weights, which is twice the number of switches.
     """
@@ -350,7 +350,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
     def largest(chosen: Mask) -> Ints:
         """Return, for each (step, truth), the estimate with the largest of the chosen changes.
 
-        It is -1 if none of its changes is chosen.
+        It is -1 for a (step, truth) without a chosen change.
         """
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)

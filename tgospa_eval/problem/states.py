@@ -227,8 +227,8 @@ class States:
 
     Nodes are trajectories that have a pair. They are numbered block by block. Each node is a row,
     which follows one path, or a column, which has prices. In most blocks, the rows are the true
-    objects. In a block with a single estimate and several true objects, the estimate is the row
-    (unless `merge_runs` is told not to transpose).
+    objects. In a block with a single estimate and several true objects, the estimate is the row,
+    except with `transpose=False` in `merge_runs`.
 
     Parameters
     ----------

@@ -546,8 +546,8 @@ def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, i
     """Return true object, estimate, first step, last step and weight of each stretch of time.
 
     In a stretch, the weight of a pair is constant. A stretch that reaches an end of the window of
-    its block is extended to this end of the recording. Its ends are moved to steps in `there`;
-    this does not increase the cost, because no pair gains at other steps.
+    its block is extended to this end of the recording. The ends of stretches are moved to steps in
+    `there`. This does not increase the cost, because no pair gains at other steps.
     """
     saved = save_solution(proof.states, proof.weights, proof.prices)
     begin = np.searchsorted(there, saved.begin)
