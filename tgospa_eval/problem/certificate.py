@@ -10,8 +10,8 @@ The compiled kernels and NumPy give the same results.
 
 A solver can solve a block (a connected part of the problem) at a smaller cutoff. Let V(C) be the
 optimum of the block at C = c^p, where a missed target costs A C and a false target B C, with
-A + B = 1. At step k the block has m_k true objects and n_k estimates. At most nu_k of its near
-pairs can be assigned together. Then
+A + B = 1. At step k the block has m_k true objects and n_k estimates, and at most nu_k of its near
+pairs at this step can be assigned together. Then
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1.
 

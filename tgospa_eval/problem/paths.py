@@ -169,8 +169,8 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    For each row, list the steps at which one of its states begins. Turn k of the pass has, for all
-    rows together, the states that begin at the k-th of these steps.
+    A row has a list of the steps at which one of its states begins. Turn k of the pass has, for all
+    rows together, the states that begin at the k-th step in the list of their row.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """The reduced problem: states that can be assigned, and the slots for which they compete.
 
 A *state* is a pair of trajectories over an interval of steps: one step with a gain, or a *run*. A
-run is a longest possible sequence of steps without a gain. On this interval, the assignment of the
-pair can be assumed constant (docs/theory/reductions.md, "Run merging"). Because of runs, the number
-of states grows with the number of gains, not with the number of pairs times the number of steps.
+run is a longest possible sequence of steps without a gain. While a state lasts, the assignment of
+its pair can be assumed constant (docs/theory/reductions.md, "Run merging"). Because of runs, the
+number of states grows with the number of gains, not with the number of pairs times that of steps.
 
 A *block* is a connected component of the graph of pairs, in its own window of time. No trajectory
 is in two blocks. The elements of a block are next to each other in every array.

@@ -134,7 +134,7 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
 def _folders(folder: str) -> list[str]:
     """Return the folders with a proof: the folder itself, or the folders of classes in it.
 
-    If it has no proof, its folder ``proof`` is searched in the same way.
+    If there are none, its folder ``proof`` is searched in the same way.
     """
     for path in (folder, os.path.join(folder, PROOF_FOLDER)):
         folders = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))

@@ -21,7 +21,7 @@ LARGEST_COORDINATE = 1e150
 """Largest coordinate of a particle; its square still fits in a double."""
 
 UNEVEN_SUM = 1e-3
-"""Largest difference of a sum of weights from 1 that is normalised without a message."""
+"""Largest difference from 1 of a sum of weights that is normalised without a message."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:

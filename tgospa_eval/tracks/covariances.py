@@ -32,8 +32,8 @@ ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Largest relative difference between the entries xy and yx; their mean is used."""
 
 ILL = 1e-4
-"""Smallest share of a variance that is not determined by earlier components, for factoring without
-pivots. Matrices of d >= 3 with a smaller share are factored with pivots."""
+"""Limit of the share of a variance that earlier components do not determine. Matrices of d >= 3
+with a smaller share are factored with pivots."""
 
 MATRICES_TOGETHER = 1 << 13
 """Number of matrices that are factored with pivots at a time."""

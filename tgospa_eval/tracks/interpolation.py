@@ -33,8 +33,8 @@ RUN = 1.5
 """Largest time between consecutive reports of a run, in periods, unless the user sets it."""
 
 SLACK = 1e-9
-"""Share of a period by which the time in which a report holds begins and ends earlier. A step at
-the end then belongs to the next report, despite rounding."""
+"""The time in which a report holds is shifted back by this share of a period. A step at its end
+then belongs to the next report, despite rounding."""
 
 
 def interpolated(
