@@ -61,7 +61,7 @@ class Pairs:
     distance: Floats
 
     def chosen(self, which: Ints) -> "Pairs":
-        """Return the pairs at the positions `which`."""
+        """Return the pairs with the indices `which`."""
         return Pairs(
             truth_row=self.truth_row[which],
             estimate_row=self.estimate_row[which],
@@ -101,9 +101,8 @@ class Distance(ABC):
     name : str
         Name as on the command line.
     tree_power : float
-        Power of a Minkowski norm with this property: if the difference of two near points on each
-        coordinate is divided by the larger of their reaches, the norm of the quotients is at most
-        1.
+        Power of a Minkowski norm. On each coordinate, divide the difference of two near points by
+        the larger of their reaches. The norm of these quotients must be at most 1.
     columns : tuple of str, optional
         State columns that the distance needs, in order; None if it compares any columns.
     options : tuple of str
@@ -117,7 +116,7 @@ class Distance(ABC):
     limits : dict of str to tuple
         For each column with limits: its least value, its largest value, and both in words.
     scale : sequence of float, optional
-        State units per unit of each column; None if columns are not scaled.
+        Factor of each column, from its unit to the state unit; None if columns are not scaled.
     period : sequence of float, optional
         Period of each column; None if no column is periodic.
     """
@@ -211,7 +210,7 @@ class Distance(ABC):
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
-        """Return a limit: pairs for which `between` is smaller are candidates for near pairs."""
+        """Return a limit of `between`: pairs below the limit are candidates for near pairs."""
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
@@ -247,7 +246,7 @@ class Distance(ABC):
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly how much a distance changes with the last bits of the smallest state.
+        """Return roughly how much rounding of the smallest state changes a distance.
 
         A distance up to this size may come from rounding alone.
         """
@@ -257,12 +256,12 @@ class Distance(ABC):
 
     @property
     def tree_power(self) -> float:
-        """Power of the norm in the docstring of the class; inf is always valid."""
+        """Power of the norm of quotients (see the class); inf is always valid."""
         return float("inf")
 
     @abstractmethod
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Return the distances of states; each component has one array for either side."""
+        """Return the distances of states; each component is given as one array for each side."""
 
     def embed(self, axes: Floats) -> Floats:
         """Return the points of R states: e coordinates (e, R) from d components (d, R)."""

@@ -68,14 +68,14 @@ class IoU(Distance):
             ends.append(begins[-1] + side.state[row, 2:])
         gap = np.maximum(*begins) - np.minimum(*ends)
         size = np.maximum(*map(np.abs, begins)) + np.maximum(*map(np.abs, ends))
-        far = (gap > REACH_ROUNDING * size).any(axis=1)  # surely no overlap: the distance is 1
+        far = (gap > REACH_ROUNDING * size).any(axis=1)  # surely no overlap: distance 1
         nearer: Mask = pairs.distance < cutoff
         rest = np.flatnonzero(~far)
         nearer[rest] = exactly_nearer(self, pairs.chosen(rest), sides, cutoff[rest], decide)
         return nearer
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly the rounding of a ratio near 1; the distance is 1 minus a ratio."""
+        """Return roughly the rounding error of 1 minus a ratio near 1."""
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -110,12 +110,12 @@ class IoU(Distance):
         return np.concatenate((axes[:2], np.log(axes[2:])))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """Return the reach of left, top and logarithms of sizes; infinite if the cutoff c > 1.
+        """Return the reach of left, top and the logarithms of width and height.
 
-        Let q = 1 - c be the least IoU of near boxes. The overlap in width is at least q times the
-        larger width w, because the union is at least w times the overlap in height. So the left
-        sides differ by at most w - q w = c w, and the smaller width is at least q w. The same holds
-        for heights.
+        It is infinite if the cutoff c > 1. Let q = 1 - c be the least IoU of near boxes. The union
+        is at least the larger width w times the overlap in height. So the overlap in width is at
+        least q w, the left sides differ by at most w - q w = c w, and the smaller width is at least
+        q w. The same holds for heights.
         """
         if cutoff > 1:
             return np.full((4, 1), np.inf)

@@ -15,9 +15,9 @@ bounds are below the cutoff.
 The sliced and the max-sliced Wasserstein distance of clouds X and Y use their projections on V
 fixed directions v_k,
 
-    SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y),
+    SW_q = (1/V sum_k W_q^q(v_k'X, v_k'Y))^(1/q),      max SW_q = max_k W_q(v_k'X, v_k'Y).
 
-The projections are in one dimension, so W_q of them is computed by sorting. POT is not needed.
+W_q of projections, which have one dimension, is computed by sorting. POT is not needed.
 Every W_q is a metric, so both distances satisfy the triangle inequality for any directions. With
 all directions of the sphere they would be metrics ([Kolouri]). With V directions they are
 pseudometrics, because different clouds may have the same V projections. SW_2^2 is [Prossel]
@@ -74,8 +74,8 @@ from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
-"""Share of the cutoff by which rounding may raise a bound. A bound above the cutoff by less than
-this excludes no pair."""
+"""Share of the cutoff by which rounding can raise a bound. A pair is excluded only if its bound
+exceeds the cutoff by more."""
 
 UNSURE = 1e-11
 """Share of the variances that is subtracted from the square of the Gelbrich bound. It is far above
@@ -183,7 +183,7 @@ class OwnCovariance(CloudPairs):
         return np.inf
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, resources: Resources) -> Pairs:
-        """Return the near pairs; a Mahalanobis distance of the means may exclude a pair first."""
+        """Return the near pairs; the Mahalanobis distance of the means excludes pairs first."""
         truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
         if a is None or b is None or not len(pairs.distance):
@@ -217,7 +217,7 @@ def _traces_and_factors(clouds: Clouds) -> tuple[Floats, Floats]:
 
 
 def _spread(spreads: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
-    """Return lower bounds of the squared distance of each pair minus that of its means.
+    """Return, for each pair, a lower bound of W_2^2 minus the squared distance of the means.
 
     The bounds follow from the covariances of the clouds in the rows `i` and `j`.
     """
@@ -235,7 +235,7 @@ def _solved(
     what: str,
     resources: Resources,
 ) -> Floats:
-    """Compute the distances (N,) of pairs of clouds in threads: POT releases the interpreter lock.
+    """Compute the distances (N,) of pairs of clouds in threads.
 
     `one()` returns a function of a truth row and an estimate row: their distance. `works` has the
     approximate milliseconds that each pair takes. `what` names the work, for messages.
@@ -345,7 +345,7 @@ class CloudWasserstein(Distance):
         Reduction of each cloud before it is compared. The distance of reduced clouds is a metric on
         them.
     scale : sequence of float, optional
-        State units per unit of each column, > 0.
+        Factor of each column, > 0: from its unit to the state unit.
     gating : bool
         If True, the distance is not computed for pairs whose bounds are too large. If False, it is
         computed for every pair of a step; this serves as a check.
@@ -422,7 +422,7 @@ class CloudWasserstein(Distance):
         return record
 
     def fitted(self, sides: Sides) -> "CloudWasserstein":
-        """Return the distance; a missing covariance becomes the mean one of all clouds."""
+        """Return the distance; the default covariance is the mean of those of all clouds."""
         if self.inner != "mahalanobis" or self.covariance is not None:
             return self
         spreads = [side.clouds.covariances for side in sides if side.clouds is not None]

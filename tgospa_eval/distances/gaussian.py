@@ -42,7 +42,7 @@ class GaussianWasserstein(Distance):
     Parameters
     ----------
     scale : sequence of float, optional
-        State units per unit of each column, > 0; covariances are scaled as well.
+        Factor of each column, > 0: from its unit to the state unit. Covariances are scaled, too.
     period : sequence of float, optional
         Period of each column, > 0 in its unit; inf for a column that is not periodic.
     mixed : {"error", "moments"}

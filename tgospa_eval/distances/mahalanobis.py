@@ -50,7 +50,7 @@ class Mahalanobis(Distance):
         Symmetric and positive definite matrix. `DISTANCES["mahalanobis"]` has no covariance, and
         cannot compare states.
     scale : sequence of float, optional
-        State units per unit of each column, > 0.
+        Factor of each column, > 0: from its unit to the state unit.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class Mahalanobis(Distance):
         return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
-        """Return the columns, then the residuals of columns that earlier ones nearly determine."""
+        """Return the columns, then the residuals of columns that are nearly determined."""
         weights = self._weights()
         if not len(weights):
             return axes
@@ -251,7 +251,7 @@ class PairMahalanobis(Distance):
 
 
 def _diagonal(d: int) -> list[int]:
-    """Return the positions of the diagonal in a packed lower triangle."""
+    """Return the indices of the diagonal in a packed lower triangle."""
     return [i * (i + 3) // 2 for i in range(d)]
 
 

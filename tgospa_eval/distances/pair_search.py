@@ -86,10 +86,11 @@ def plain_norm(sides: Sides, distance: Distance) -> tuple[int, Floats] | None:
 # Candidates for near pairs: the pairs of a step that remain after sorting along the axes.
 #
 # Each point has a reach on each axis: near points differ by less than the larger of their two
-# reaches. The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the
-# largest reach. The candidates of a truth row are a few ranges of this order, found by bisection.
-# Axes are added one by one until the candidates are few. Rounding of the cells only adds
-# candidates, and loses no pair. The exact differences of the candidates decide afterwards.
+# reaches. The estimates are sorted by step, and then by cells along the axes. A cell is about as
+# wide as the largest reach; along the first axis, cells are finer. The candidates of a truth row
+# are a few ranges of this order, found by bisection. Axes are added one by one until the candidates
+# are few. Rounding of the cells only adds candidates, and loses no pair. Afterwards, the
+# differences of the candidates are compared with the reaches.
 #
 # If too many candidates remain and reaches are unequal, the points with small reaches and the
 # points with large reaches are searched separately, recursively. If there are still too many
@@ -106,7 +107,7 @@ CELL_AXES = 3
 number of ranges of a truth row."""
 
 MANY_CANDIDATES = 64
-"""A tree is faster if there are more candidates than this for each row, and for each near pair."""
+"""A tree is faster if there are more candidates than this per row and also per near pair."""
 
 SAMPLED_TRUTHS = 100
 """Number of truth rows whose near pairs are counted, to estimate the number of all near pairs."""
@@ -139,17 +140,18 @@ class SearchedSide:
 
 
 Candidates = tuple[Ints, Ints, Ints]
-"""An order of the estimate rows; begins and lengths of ranges of this order, (ranges, R) each. The
-candidates of a truth row are the estimate rows in its ranges."""
+"""The estimate rows in some order, and for each of R truth rows the begins and the lengths of its
+ranges in this order, (ranges, R) each. The candidates of a truth row are the estimate rows in its
+ranges."""
 
 
 def search(
     a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, in order, all pairs that may be near, and maybe other pairs.
+    """Yield, in order, all pairs that the reaches do not exclude, and maybe other pairs.
 
-    A pair is a row of `a` and a row of `b`. It may be near in this case: on every axis its points
-    differ by less than the larger of their reaches, and `power` allows it.
+    A pair is a row of `a` and a row of `b`. It is excluded if its points differ on some axis by the
+    larger of their reaches or more, or if `power` excludes it.
 
     Parameters
     ----------
@@ -158,9 +160,8 @@ def search(
     reaches : two (d, R) or (d, 1) float arrays
         Reaches of `a` and of `b`; finite and > 0.
     power : float
-        Power of a Minkowski norm (`Distance.tree_power`). Divide the difference of two points on
-        each axis by the larger reach. If the norm of the quotients is above 1, the pair is not
-        near.
+        Power of a Minkowski norm (`Distance.tree_power`). On each axis, divide the difference of
+        two points by the larger reach. A pair is excluded if the norm of the quotients is above 1.
     """
     if not len(a.step) or not len(b.step):
         return
@@ -242,10 +243,10 @@ def _by_cells(
 ) -> Candidates:
     """Return candidates by cells along all axes; the cells along the first axis are finer.
 
-    Let `low` be the least coordinate. The point x is in the cell floor((x - low) / w) < 2^40 of
-    width w, where the quotient is exact to 2^-12. A reach, widened by the share 2^-10, is n cells
-    wide. So the indices of the cells of near points x and y differ by at most n: |x - y| / w +
-    2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
+    Let `low` be the least coordinate, and w the width of a cell. The point x is in the cell with
+    the index floor((x - low) / w) < 2^40, where the quotient is exact to 2^-12. n cells are as wide
+    as a reach that is widened by the share 2^-10. So the indices of near points x and y differ by
+    at most n: |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
     The step and the indices of all axes make one key. Empty cells at the ends of each axis separate
     the neighbours of different keys. If a key would have too many bits, or the quotient too few,

@@ -8,11 +8,11 @@ In each direction v_k the sorted projections of Y are cut into n slots of equal 
 mean of slot r. It is the best partner of the particle of X whose projection has the rank r. For
 fixed ranks, least squares give all particles at once,
 
-    x_i <- S^-1 sum_k v_k b_k[rank of v_k' x_i],   S = sum_k v_k v_k',
+    x_i <- S^-1 sum_k v_k b_k[rank of v_k' x_i],   S = sum_k v_k v_k'.
 
-and no step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix R:
-for all permutations R'R is block diagonal with blocks S. docs/theory/clouds.md lists corrections of
-the paper.
+No step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix R: for
+all permutations R'R is block diagonal with blocks S. docs/theory/clouds.md lists corrections of the
+paper.
 """
 
 from collections.abc import Callable

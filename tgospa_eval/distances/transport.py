@@ -5,10 +5,10 @@ The mass of one cloud is moved to the other at the least cost
     W_q = (min_w  sum_ij w_ij d(x_i, y_j)^q)^(1/q),   w_ij >= 0,
     sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
 
-[Danu] equations 7 and 14. Equation 13 has no root, so it is not a metric. In one dimension sorting
-solves the problem. If one cloud is a point, there is only one plan. If both clouds have the same
-number of particles of equal weight, it is an assignment problem. POT, the extra ``clouds``, solves
-all other pairs.
+These are equations 7 and 14 of [Danu]. Its equation 13 has no root, and is not a metric. In one
+dimension sorting solves the problem. If one cloud is a point, there is only one plan. If both
+clouds have the same number of particles of equal weight, it is an assignment problem. POT, which
+comes with the extra ``clouds``, solves all other pairs.
 """
 
 import math
@@ -208,7 +208,7 @@ def sampled(
     offset: float | ArrayLike | None = None,
     rng: "np.random.Generator | int | None" = None,
 ) -> NDArray[np.intp]:
-    """Return the positions of drawn particles in the cloud; the weights must sum to 1."""
+    """Return the indices of drawn particles in the cloud; the weights must sum to 1."""
     if method not in RESAMPLING:
         raise ConfigError(f"method is {quoted(method)}: must be one of {', '.join(RESAMPLING)}")
     count = 1 if method == "systematic" else size
@@ -247,8 +247,8 @@ WIDEST = 1e150
 """Largest whitened coordinate, so that squares do not overflow."""
 
 MAX_PARTICLES = 4000
-"""Largest number of particles of each of two clouds of equal size. Their costs take 128 MB, and
-transport takes half a minute."""
+"""Largest number of particles of a cloud that is compared with one of the same size. The costs of
+the pair take 128 MB, and transport takes half a minute."""
 
 
 def too_large() -> str:
@@ -461,9 +461,9 @@ def merged(cloud: Cloud) -> Cloud:
 
 
 def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Return distinct particles of weight > 0, their weights, and the place of each given particle.
+    """Return distinct particles of weight > 0, their weights, and an index for each given particle.
 
-    The last result has the position of each given particle among the distinct ones, or -1.
+    The index is that of the distinct particle at the same place; -1 if its weight is 0.
     """
     points, weights = cloud
     order = np.lexsort(points.T[::-1])

@@ -28,8 +28,8 @@ class Norm(Distance):
 
     For points a and b it is the norm of the vector delta, ``delta_k = s_k min(r_k, P_k - r_k)``,
     where ``r_k = |a_k - b_k| mod P_k``, with scales s and periods P. By default scales are 1 and
-    periods are infinite. It is a metric on points (docs/theory/distances.md). Differences are first
-    reduced by the period, in the unit of the column, and then scaled.
+    periods are infinite. It is a metric on points (docs/theory/distances.md). A period is in the
+    unit of its column, before scaling.
 
     Parameters
     ----------

@@ -13,9 +13,8 @@ cdef class Layout:
         The blocks.
     switch_price : (T + 1,) float array
         Result of `Problem.switch_price_at`, maybe lowered to a limit.
-    price : float
-    prices : (N,) float array, optional
-        As in `relative_gains`.
+    price, prices
+        See `relative_gains`.
 
     Attributes
     ----------
@@ -33,8 +32,8 @@ cdef class Layout:
     cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
     cdef const double[::1] switch_price, gains, offsets
     cdef Py_ssize_t longest, widest  # largest number of states, and of pairs, of a row
-    cdef double[::1] before, lost    # room for intermediate results, made only once,
-    cdef double[:, ::1] room         # as making arrays takes as long as solving a small problem
+    cdef double[::1] before, lost    # room for intermediate results. It is made only once:
+    cdef double[:, ::1] room         # making it takes as long as solving a small problem
     cdef i32[::1] came
 
     def __init__(self, states, const double[::1] switch_price, double price,
@@ -121,11 +120,9 @@ cdef inline Paths paths_in(Layout layout) noexcept nogil:
 cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
     """Compute the best path up to each state of one row: its value, and its state before (or -1).
 
-    F_s is the value of the best path that ends in state s, and h that of the best path that is at
-    "none". At each step ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s =
-    max(F_before, h - lambda) + value_s``, and ``h = h - r``, see `problem.paths.best_values`.
-    `forward` is F - h, and h = `none` + `rest` is a sum of two doubles, so that long recordings
-    lose no digits. Returns the value of the best path, and writes its last state to `final`.
+    `problem.paths.best_values` has the equations of the values F_s and h. For each state,
+    `forward` is F_s - h, and `none` + `rest` is h at this time. Two doubles for h keep all digits
+    in long recordings. Return the value of the best path, and write its last state to `final`.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -189,9 +186,9 @@ cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
 cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noexcept nogil:
     """Add to `at`, for each step, what the assignment of one row loses there against its best path.
 
-    The losses are the reduced costs, at the values of `row_forward`, of the transitions that the
-    assignment uses. Each loss is >= 0, and their sum is the regret of the row. `weight` points to
-    the first state of the row, and `at` to the first step.
+    The losses are the reduced costs of the transitions that the assignment uses, computed from the
+    values of `row_forward`. Each loss is >= 0, and their sum is the regret of the row. `weight`
+    points to the first state of the row, and `at` to the first step.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -242,8 +239,9 @@ cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noe
 
     B_s is the value of the best way to continue after state s, and h that after "none". Backward in
     time, ``h = max(h, value_s + B_s - lambda)`` and ``B_before = max(value_s + B_s, h - lambda)``.
-    `none` is that of `row_forward`, and `forward` is F: its result plus `none`. `none` becomes the
-    loss of the best path that is at "none" when the state begins.
+    On input, `none` is that of `row_forward`, and `forward` is F: the `forward` of `row_forward`
+    plus `none`. On output, `none` is the loss of the best path that is at "none" when the state
+    begins.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -297,7 +295,7 @@ globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPT
 
 
 cdef void run_up(Layout layout, const double* price) noexcept nogil:
-    """Sum the prices before each slot of a column, as two doubles, as recordings may be long."""
+    """Sum the prices before each slot of a column; two doubles keep digits in long recordings."""
     cdef Py_ssize_t r, t
     cdef double *before = &layout.before[0], *lost = &layout.lost[0]
     cdef double total, rest
@@ -375,7 +373,7 @@ cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexce
 
 
 cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
-    """Give each row in turn its best path through slots that other rows leave; count improvements.
+    """Give each row in turn its best path through slots without other rows; count improvements.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
@@ -515,12 +513,12 @@ cdef class Brackets:
 
     cdef void _survey(self, const double* price, bint judge, double reach,
                       double* regret) noexcept nogil:
-        """Compute the value of the best path of each row at the prices; with `judge`, also marks.
+        """Compute the value of the best path of each row at the prices.
 
-        The price of a state is that of its slots, from running sums in each column. With `judge`
-        also compute the value `own` of the best assignment at the prices, minus the cost of its
-        changes. The losses of this assignment against the best paths are added to `regret`, step by
-        step, unless `regret` is NULL.
+        The price of a state is the sum over its slots, from running sums in each column. With
+        `judge`, also set the `flags` of each state, and the value `own` of the best assignment at
+        the prices, minus the cost of its changes. If `regret` is not NULL, the losses of this
+        assignment against the best paths are added to it, step by step.
         """
         cdef Py_ssize_t r, s, low
         cdef i32 b, e, i, last
@@ -730,12 +728,12 @@ def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] firs
                    const double[::1] leave, const u8[::1] follows):
     """Compute best values of paths through the free states of a programme, forward in time.
 
-    Rows have borders before, between and after their constraints, numbered row by row from `first`
-    (rows + 1,) on. Each state lies between its borders `low` and `high`; a state without a
-    constraint is at the end of the state before it. `order` has the states, sorted by (high,
-    number). A state that `follows` the state before it continues its value. Returns the value of
-    "none" at each border, and the value of each state at its end minus that of "none", limited to
-    [-leave, leave].
+    A row has *borders* before, between and after its constraints, numbered row by row: `first`
+    (rows + 1,) is the first border of each row. A state reaches from its border `low` to its border
+    `high`. The two are equal for a state without a constraint, at the end of the state before it.
+    `order` has the states, sorted by (high, index). If `follows` is true, a path can come directly
+    from the state before. Return the value of "none" at each border, and for each state its value
+    at its end minus that of "none", limited to [-leave, leave].
     """
     cdef Py_ssize_t F = order.shape[0], a, b, c
     cdef i32 s, r, at = 0
@@ -789,10 +787,12 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
                       u8* chosen) noexcept nogil:
     """Choose the states of a chain: write 1, and the bits CERTAIN and FINAL next to gaps.
 
-    States with the flag NEAR and states with a weight are chosen, with two exceptions. If a row has
-    only one option for some steps, and no other row competes for it, only the first and the last of
-    these states are chosen; between them is a *gap*. Rows without competition are left out
-    (docs/theory/solvers.md, "Working set").
+    States with the flag NEAR or with a weight are chosen, with two exceptions
+    (docs/theory/solvers.md, "Working set"):
+
+    - Rows without competition are left out.
+    - If a row has only one option for some steps, and no other row competes for it, only the first
+      and the last of these states are chosen. Between the two is a *gap*.
     """
     cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
     cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
@@ -827,8 +827,8 @@ cdef void working_set(Layout layout, const double* weight, const double* price, 
         if not rivalled:
             memset(chosen + low, 0, high - low)
             continue
-        # A state is sure (2) in this case: while it lasts, its row has no other chosen state and
-        # cannot be at "none", and its column has no rival.
+        # A state is sure (2) if, while it lasts, its row has no other chosen state and cannot be at
+        # "none", and its column has no rival.
         first = begin[low]
         active = 0
         group = 0
@@ -882,9 +882,9 @@ cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_beg
 
 
 cdef struct Walk:
-    i32* held                    # states that a row could be in at a step,
-    i32* cursor                  # the next slot that they compete for,
-    i32* latest                  # and their latest link
+    i32* held                    # states that a row could be in at a step
+    i32* cursor                  # next slot for which each of these states competes
+    i32* latest                  # latest link of each of these states
     i32* link_of                 # last link of each state of the row, when it ended
     const i32* slot_step
     const i32* slot_end
@@ -895,8 +895,8 @@ cdef struct Walk:
 
 
 cdef struct AtRow:               # data of a pass on the latest node of a row: one cache line
-    double none                  # mass at "none",
-    double left[2]               # in states that continue, and in states that may end or begin here
+    double none                  # mass at "none"
+    double left[2]               # mass in states that continue, and in all other states
     double price                 # q at this node
     double factor[2]             # factors of the mass of a link: by way of "none", and without
     double added[2]
@@ -906,7 +906,7 @@ cdef class Chain:
     """The working set as a chain of links, and messages along it (docs/theory/solvers.md).
 
     A *node* is a row at a step with an event: a state of the working set begins or has just ended,
-    or a stretch of slots begins for which one of its states competes. It has a *link* for each
+    or a stretch of slots begins for which one of its states competes. A node has a *link* for each
     state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0 means
     "none before" and "none after" and has the value 0. The first constraints mean "no price".
 
@@ -1255,7 +1255,7 @@ cdef class Chain:
                 self.u[c] = 1.0
 
     def write_prices(self, double[::1] price):
-        """Write prices of stretches to their slots: raise the first slot's, or scale all down."""
+        """Write the price of each stretch to its slots: raise the first, or lower all of them."""
         cdef Py_ssize_t c, t
         cdef double total
         with nogil:
@@ -1294,9 +1294,10 @@ cdef class Chain:
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """Update the messages of one direction node by node, and the prices step by step.
 
-        ``A_0' = a_0 + q S'``, ``A_s' = (1 - q^2) a_s + q A_0'``, S' the sum over the states that
-        may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
-        1 / w_0)`` (docs/theory/solvers.md, "Messages"). If the messages of a node sum to a number
+        The equations are in docs/theory/solvers.md, "Messages": ``A_0' = a_0 + q S'`` and
+        ``A_s' = (1 - q^2) a_s + q A_0'``, where S' is the sum over the states that can pass through
+        "none", and q = exp(-lambda / epsilon). Factors of prices become
+        ``u <- min(u (w_0 u + mass)^-3/2, 1 / w_0)``. If the messages of a node sum to a number
         outside 1e-10..1e10, they are scaled by r.
         """
         cdef Py_ssize_t step, k, n, l, c, low, high, first, last

@@ -11,7 +11,7 @@ cdef inline double apart(const double* a, const double* b, const double* scale, 
                          int power, double most) noexcept nogil:
     """Return a norm of the scaled difference of two points (power 0: the largest component).
 
-    If the norm is `most` or more, the result may be only a part of it that is also `most` or more.
+    If the norm is `most` or more, the result is the norm, or another number of at least `most`.
     """
     cdef double total = scale[0] * fabs(a[0] - b[0]), other
     cdef Py_ssize_t k
@@ -57,14 +57,14 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                 double cutoff, int power, const double[::1] scale, Py_ssize_t most):
     """Return near pairs of points at some steps, and their distances. All points must be finite.
 
-    The estimates of a step are sorted into cells along one axis, as wide as the cutoff, and each
-    true object is compared with those of three cells. If that takes more than `most` comparisons,
-    the result is None. `truth_rows` and `estimate_rows` (2, steps) have the first row of each step,
-    and the row after its last row. The rows of the result are counted from 0 among the rows of
-    these steps.
+    The estimates of a step are sorted into cells along one axis. The cells are at least as wide as
+    the cutoff. Each true object is compared with the estimates in three cells. The result is None
+    if that takes more than `most` comparisons. `truth_rows` and `estimate_rows` (2, steps) have the
+    first row of each step, and the row after its last row. The rows of the result are counted from
+    0 among the rows of these steps.
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, k, count = 0, n = 0
-    cdef Py_ssize_t first = 0, second = 0  # numbers of rows of the steps before
+    cdef Py_ssize_t first = 0, second = 0  # counts of rows at earlier steps
     cdef Py_ssize_t own, low, size, cells, truths = 0, estimates = 0, longest = 0
     cdef double value, least, width
     cdef bint near
@@ -203,8 +203,7 @@ def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const
                   const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
     """Return, for each step, the smaller of two sums of largest gains, (steps,).
 
-    One is the sum over the truth rows of the largest gain of each, the other is that over the
-    estimate rows.
+    One sum has the largest gain of each truth row, the other the largest gain of each estimate row.
     """
     cdef Py_ssize_t m = truth_step.shape[0], n = estimate_step.shape[0], a
     cdef double[::1] best = np.zeros(m + n)
@@ -275,10 +274,11 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
 
 def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,
               const i32[::1] track, tables, const uint64_t[:, ::1] lanes):
-    """Return the sum of the hashes of all R rows in each lane: a hash with its own multiplier.
+    """Return the sum of the hashes of all R rows, for each of several hash functions (lanes).
 
-    A row is hashed by the moment of its step, the id of its track, and its values in `tables`, each
-    (R, n). `lanes` has the multipliers, and `ids` a number for each track and lane.
+    The hash of a row covers the time of its step (`moments`), the id of its track, and its values
+    in `tables`, each (R, n). `lanes` has the multiplier of each function, and `ids` a number for
+    each track and function.
     """
     cdef Py_ssize_t R = step.shape[0], first, last, r, c, k
     cdef uint64_t[::1] mixed = np.empty(min(R, 4096), np.uint64)

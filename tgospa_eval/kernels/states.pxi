@@ -118,7 +118,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
     cdef i32 b, blocks = 0, total = 0
     cdef bint is_row
-    cdef i32[::1] number = full_of(nodes, -1)    # number of the block with this root
+    cdef i32[::1] number = full_of(nodes, -1)    # index of the block with this root
     cdef i32[::1] block_of = full_of(nodes, -1)  # block of each node
     with nogil:
         for p in range(P):  # by truth, so that blocks are numbered by their first truth
@@ -251,7 +251,7 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
     """Return the first slot of each node, the step of each slot, and the first slot of each state.
 
     `order` has the states in order of time. Only nodes that are `shared` by several pairs have
-    slots. For other nodes the first slot of a state is the (empty) place of the node.
+    slots. For other nodes, the first slot of a state is the index where slots of the node would be.
     """
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
@@ -420,14 +420,15 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     """Return gains relative to the cheapest pair of each group, and the gain r of this pair.
 
     A *group* is the set of states of a row that begin together. "best" is its cheapest pair, and
-    its *offset* is ``r = (A + B - D)_best``. A gain is ``G - r = (D_best - D) + (A + B) -
-    (A + B)_best``. Differences of costs keep digits that sums of gains near 1 lose. From a run the
-    offsets of all its steps are subtracted, and in `row_forward` also from "none".
+    its *offset* is the gain ``r = (A + B - D)_best``. The relative gain of a state is computed as
+    ``G - r = (D_best - D) + (A + B) - (A + B)_best``, because these differences keep digits that
+    gains near 1 lose. The relative gain of a run is minus the sum of the offsets of all its steps.
+    `row_forward` subtracts the offsets also from the value of "none".
 
     Parameters
     ----------
     price : float
-        Cost of leaving both objects of an entry unassigned, if all entries have the same.
+        Cost of leaving both objects of an entry unassigned, if it is the same for all entries.
     prices : (N,) float array, optional
         The same cost for each entry, used instead of `price`.
 
@@ -652,7 +653,7 @@ cdef inline double down(double value) noexcept nogil:
 
 def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
                 const double[::1] cost, const double[::1] price, double base):
-    """Return `problem.paths.Gains` if A + B is `base` for all pairs; `run_gains` adds the runs.
+    """Return `problem.paths.Gains`, except for runs (see `run_gains`), if all A + B are `base`.
 
     `group` (S,) is the index of the group of each state: its row and the step at which it begins.
     `price` (S,) is the price of each state.
@@ -665,7 +666,7 @@ def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
     cdef int64_t[::1] best = best_array
     with nogil:
         for g in range(groups):
-            best[g], offset[g] = -1, 0.0  # `offset` has the least loss at first
+            best[g], offset[g] = -1, 0.0  # until the next loop, `offset` has the least loss
         for s in range(S):
             if entry[s] >= 0:
                 loss = cost[entry[s]] + price[s] - base
@@ -733,8 +734,8 @@ def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_fi
               const i32[::1] entry, const double[::1] price, double[::1] relative):
     """Fill in the relative gains of runs, ``-v - sum r``, as `problem.paths.relative_gains`.
 
-    `first` and `begin` are the slots of rows, and `sums`, in the `unit` of each node, are running
-    sums of the offsets r over these slots.
+    `first` and `begin` are those of the slots of rows. `sums` has the running sums of the offsets r
+    over these slots, in the `unit` of each node.
     """
     cdef Py_ssize_t p, s
     cdef uint64_t before, after

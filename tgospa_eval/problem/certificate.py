@@ -3,21 +3,20 @@
 The letters of the mathematics are those of docs/theory/notation.md. Sizes of arrays, such as (S,),
 are explained in `problem.states`.
 
-Compiled kernels do the work, or NumPy with the same results, for all blocks of a problem.
 This module imports no solver: the proof must not depend on the code that made the proposal.
-First, weights are rounded to multiples of 1/ONE. These are stored as integers, so that the check of
-feasibility is exact.
+Weights are first rounded to integer multiples of 1/ONE, so that the check of feasibility is exact.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
+The compiled kernels and NumPy give the same results.
 
-Blocks (connected parts of the problem) may be solved at a smaller cutoff. Let V(C) be the optimum
-of a block at C = c^p. At step k the block has m_k true objects and n_k estimates. Let nu_k be the
-largest number of near pairs of step k without a common object or estimate. Then
+A solver can solve a block (a connected part of the problem) at a smaller cutoff. Let V(C) be the
+optimum of the block at C = c^p, where a missed target costs A C and a false target B C, with
+A + B = 1. At step k the block has m_k true objects and n_k estimates, and at most nu_k of its near
+pairs at this step can be assigned together. Then
 
-    V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1,
+    V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1.
 
-where a missed target costs A C and a false target B C, with A + B = 1. This follows from splitting
-each cost into two summands, min(d^p, C) = min(d^p, s C) + rest (docs/theory/certificate.md,
-"Cutoffs far above the errors").
+The proof splits the cost min(d^p, C) of each pair into min(d^p, s C) and the rest
+(docs/theory/certificate.md, "Cutoffs far above the errors").
 """
 
 import math
@@ -65,7 +64,7 @@ class UnassignedPrices:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
     def prices(self, block: int) -> list[float]:
-        """List the prices of all states in a block: those of true objects, then of estimates."""
+        """List the prices of all rows in a block: first of the truth, then of the estimate."""
         prices: list[float] = []
         for (of_row, price), order in zip(self.sides, self.order, strict=True):
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
@@ -75,10 +74,10 @@ class UnassignedPrices:
     def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
         """Return ``A (m - g) + B (n - g)`` for each block, as a list of terms, rounded down.
 
-        A block has m states of true objects with the price A, and n states of estimates with the
-        price B. If g pairs are assigned, the formula is the price of all states that are left.
-        All blocks must have the same A and B (the attribute `alike` is not None). If A = B, the
-        list of a block has one term. Otherwise it has two: for the truth and for the estimate.
+        A block has m rows of the truth with the price A, and n rows of the estimate with the price
+        B. If g pairs are assigned, the formula is the price of all other rows. All blocks must have
+        the same A and B (the attribute `alike` is not None). If A = B, the list of a block has one
+        term. If not, it has a term for the truth and a term for the estimate.
 
         Parameters
         ----------
@@ -96,7 +95,7 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Return the cost of all true objects that are in no block, and that of all such estimates.
+    """Return the cost of the true objects, and of the estimates, that are in no block.
 
     Both costs are rounded down.
     """
@@ -112,8 +111,8 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Divisor that splits an integer price into quotient and remainder. They are summed separately,
-because sums of whole prices could overflow."""
+"""Divisor that splits an integer price into quotient and remainder. The two are summed separately,
+because sums of undivided prices could overflow."""
 
 TERMS_TOGETHER = 64
 """Number of terms of a cost in one group. Within a group, terms are added with rounding. The sums
@@ -190,7 +189,7 @@ def prove(
 def feasible(states: States, proposed: Floats) -> Ints:
     """Return a feasible assignment near the proposed one, (S,), in units of 1/ONE.
 
-    If possible, the result has the memory of `proposed`, which is then overwritten.
+    The result overwrites the memory of `proposed`, if possible.
     """
     given = np.require(proposed, np.float64, ["C", "W"])
     weights = given.view(np.int64)
@@ -204,22 +203,24 @@ def feasible(states: States, proposed: Floats) -> Ints:
 def lower_cost(problem: Problem, bound: float) -> float:
     """Return ``(L - s) / (1 + delta)``, a lower bound for exact costs.
 
-    L, the argument `bound`, is a lower bound for the computed costs. All costs and switch prices
-    are computed with a relative error of at most delta = `cost_error`. The optimum is a sum of
-    them with weights >= 0, and therefore has no larger relative error. The sum of computed costs
-    may also be too large by s = `cost_slack` (docs/theory/certificate.md, "Rounding").
+    L, the argument `bound`, is a lower bound for the computed costs. Two errors make computed costs
+    differ from exact ones (docs/theory/certificate.md, "Rounding"):
+
+    - All costs and switch prices have a relative error of at most delta = `cost_error`. The total
+      is a sum of these with weights >= 0, so its relative error is not larger.
+    - The total can be too large by s = `cost_slack`.
     """
     lower = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
     return max(lower * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound for exact costs. U is the total.
+    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound for exact costs.
 
-    The factor 1 + 72 u (u = `ROUNDOFF`) covers the rounding of U. Each term is off by at most 3 u,
-    and adding `TERMS_TOGETHER` = 64 terms by at most 63 u more. The other 6 u are for the
-    operations in this function. The divisor covers the relative error of the costs, which is at
-    most delta = `cost_error` (see `lower_cost`).
+    U is the total of the breakdown, and u is `ROUNDOFF`. The factor 1 + 72 u covers rounding: 3 u
+    for each term of U, 63 u for adding `TERMS_TOGETHER` = 64 terms, and 6 u for the operations in
+    this function. The divisor covers the relative error of the costs, which is at most
+    delta = `cost_error` (see `lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
@@ -260,12 +261,12 @@ def _bounds_of_prices(
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
     The best pair of a row at a step is the one with the largest gain minus price. "sum_best" is the
-    sum over the best pairs of all rows and steps. best_i is the value of the best path of row i if
-    the value of each state is its element of `relative_gains`. No digits cancel: each parenthesis
-    is an exact sum, or a difference of integers.
+    sum over the best pairs of all rows and steps. best_i is the value of the best path of row i, if
+    the states have the values `relative_gains`. No digits cancel: each parenthesis is an exact sum,
+    or a difference of integers.
 
-    `states` has some consecutive blocks of the whole problem; the first is block `low` of the
-    whole. `objects` has the prices of the whole.
+    `states` has consecutive blocks of the whole problem, from block `low` on. `objects` has the
+    prices of the whole problem.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
@@ -364,8 +365,8 @@ def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
 def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
     """Return ``-sum (left v)`` over the slots of each node, rounded down.
 
-    The prices v come from `running`. The result has two summands for each node, because integer
-    sums could overflow otherwise.
+    The prices v come from `running`; `left` is 1 minus the number of best pairs in each slot. The
+    result has two summands for each node, because a single sum of integers could overflow.
     """
     if kernels:
         prices: Floats = kernels.idle_prices(*running, left, first)
@@ -379,8 +380,8 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     """Return lower bounds of the blocks, (B,), from bounds at a smaller cutoff.
 
-    They follow from the inequality in the docstring of the module. There, V(s C) is replaced by its
-    lower bound, from `inner`. The result is 0 for blocks that are not in `part`.
+    They follow from the inequality in the docstring of the module, with the bounds `inner` in place
+    of V(s C). The result is 0 for blocks that are not in `part`.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -489,15 +490,15 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Largest switch price at a smaller cutoff. A higher price would have the same optimum, and is
-replaced by this one."""
+"""Largest switch price at a smaller cutoff. Higher prices are replaced by it. This does not change
+the optimum."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
     """Return some blocks as a separate problem at a smaller cutoff.
 
     Its costs are in units of ``scale c^p``, where `scale` < 1 is a power of 2. Rows and tracks keep
-    their numbers. All true objects must have one price A, and all estimates one price B
+    their indices. All true objects must have the same price A, and all estimates the same price B
     (`Problem.object_prices`).
     """
     problem = states.problem
@@ -524,12 +525,12 @@ def _entries(states: States, blocks: Mask) -> Ints:
 
 
 def forced_cost(states: States, blocks: Mask) -> Floats:
-    """Return ``sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` for each of these blocks, (B,).
+    """Return ``sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` for each block in the mask, (B,).
 
-    The docstring of the module explains the letters. The result is in units of c^p, and 0 for
-    blocks outside the mask. In place of nu_k, the number of rows of a vertex cover of the near
-    pairs of step k is used. A smallest cover has exactly nu_k rows (König's theorem). Any other
-    cover has more, so that the result would be smaller.
+    The docstring of the module explains the letters. The result is in units of c^p. It is 0 for
+    blocks outside the mask. nu_k is the number of rows in a smallest vertex cover of the near pairs
+    of step k (König's theorem). With a larger cover, the result would be smaller: still a valid
+    lower bound.
     """
     problem = states.problem
     count = len(states.block_begin)

@@ -14,15 +14,15 @@ from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
-"""Largest number of elements of a matrix of all pairs that is always stored as a dense matrix."""
+"""Matrices of all pairs with at most this number of elements are always dense, not sparse."""
 
 SPARSE_RATIO = 8
-"""Largest number of elements for each near pair of a larger matrix that is also stored as dense."""
+"""Larger matrices are also dense if they have at most this number of elements per near pair."""
 
 
 Switched = tuple[Floats, Floats]
-"""Two arrays (T,): number of switches into each step, and the number of changes from or to "none"
-among these. In the first array, a change from or to "none" counts as half a switch."""
+"""Two arrays (T,). The first has the number of switches into each step, where a change from or to
+"none" counts as half a switch. The second has the number of changes from or to "none"."""
 
 
 def per_step_gospa(problem: Problem) -> tuple[Ints, Floats, Floats, Floats]:
@@ -63,8 +63,8 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    # The loss is the cost, if A + B is the same for all pairs. If not, it is minus the gain, which
-    # loses digits of tiny costs.
+    # If A + B is the same for all pairs, the loss is the cost. If not, the loss is minus the gain,
+    # although gains lose digits of tiny costs.
     unpaired = problem.pair_price
     losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
@@ -127,10 +127,10 @@ def partners(problem: Problem, entries: Ints) -> Ints:
 def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
     """Return switches into each step as Stone Soup counts them.
 
-    At each step, the partner of a true object is compared with the last stored partner of this
-    object, and is then stored. The first partner that is stored is an estimate. After that, "none"
-    is stored as well, if the object has no partner. Steps without any estimate are skipped. A
-    change counts 1, and a change from or to "none" 1/2.
+    At each step, the partner of a true object is compared with the last stored partner of the
+    object, and is then stored. Storing begins with the first estimate that is a partner. Later,
+    having no partner is stored as "none". Steps without any estimate are skipped. A change counts
+    1, and a change from or to "none" 1/2.
     """
     reported = np.zeros(problem.steps, bool)
     reported[problem.estimate_step] = True
@@ -164,8 +164,7 @@ def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switch
     """Return the changes of partner from each row to the next row of the same object.
 
     A change counts at the later of the two steps. `order` has truth rows sorted by object and step.
-    `counts` has an element for each row in `order` and the next: False if a change between these
-    two rows does not count.
+    If counts[i] is False, a change from row order[i] to row order[i + 1] does not count.
     """
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)

@@ -161,13 +161,13 @@ def tgospa_problem(
         Largest change of a distance that rounding of the last digits of the states can cause.
     near : (N,) bool array, optional
         Mask of the pairs that count as nearer than the cutoff. By default, these are the pairs with
-        a distance less than the cutoff. If a mask is given, the caller must pass the result to
-        `ignore_states`.
+        a distance less than the cutoff. If a mask is given, the caller must pass the built problem
+        to `ignore_states`.
 
     Raises
     ------
     ConfigError
-        A power of a distance or of the switch penalty, relative to that of the cutoff, underflows.
+        All powers (d / c)^p, or the power (gamma / c)^p, underflow.
     """
     order = parameters.order
     cost = distance / parameters.cutoff
@@ -213,7 +213,7 @@ def _alike(price: float, size: int) -> Floats:
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Check that distances whose powers underflow do not matter in the total cost `cost`.
+    """Check that underflow of powers does not matter for the total cost `cost`.
 
     Raises
     ------
@@ -282,8 +282,8 @@ LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
 leave the range of doubles."""
 
 ROUNDED = 6 * 2.0**-53
-"""Bound of the relative error that weights and probabilities add. Each number comes from at most
-four rounded products."""
+"""Bound of the relative error that weights and probabilities add to prices and costs. Each of
+these is the result of at most four rounded operations."""
 
 SMALLEST_COST = 1e-300
 """Smallest positive weighted cost, near the smallest double. Smaller positive costs are replaced by
@@ -393,10 +393,12 @@ def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
 
     Its prices are A w and B (1 - e), and its costs are D w. Here w is 0 for ignored objects and 1
     for all other objects; e is 1 for excused estimates and 0 for all other estimates. An ignored
-    object can be assigned to one estimate at a time, at no cost ("absorbs" it). An excused estimate
-    costs nothing if it is unassigned. The gain of a near pair with an ignored object is B (1 - e).
-    The gain of an evaluated object and an excused estimate is A - D. The pair is left out if this
-    is not positive. If nothing is ignored or excused, the result is `problem` itself.
+    object can *absorb* one estimate at a time: assigning the two costs nothing. An excused estimate
+    costs nothing if it is unassigned.
+
+    The gain of a near pair with an ignored object is B (1 - e). The gain of an evaluated object and
+    an excused estimate is A - D. Pairs without a positive gain are left out. If nothing is ignored
+    or excused, the result is `problem` itself.
 
     The result is not a metric: a truth whose states are all ignored has the distance 0 from the
     empty set.
@@ -434,8 +436,8 @@ def _repriced(
 ) -> Problem:
     """Return the problem with other prices and costs, without pairs that no longer gain.
 
-    A pair is also left out if its gain is so small that rounding removes it. This changes the cost
-    by no more than `error`, the relative error that the new prices and costs add.
+    `error` is the relative error that the new prices and costs add. Pairs whose gain is lost by
+    rounding are left out, too. This changes the cost by no more than `error`.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)

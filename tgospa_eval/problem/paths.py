@@ -45,7 +45,7 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     size = first[1:] - first[:-1]
     if len(value) <= SUMMANDS:
         total, terms = sum_parts(value, first), size
-    else:  # no chunk has values of two parts, so that the bound of a part depends on it only
+    else:  # no chunk has values of two parts: the bound of a part depends on no other part
         chunks = -(-size // SUMMANDS)
         of_part = np.concatenate(([0], np.cumsum(chunks)))
         number = np.arange(of_part[-1]) - np.repeat(of_part[:-1], chunks)
@@ -62,12 +62,13 @@ Gains = tuple[Floats, Floats, Ints]
 def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
     """Return the gain minus price of each state, relative to the best pair of its row and step.
 
-    The best pair of a row at a step has the largest gain minus price, G - v. The *offset* r of the
-    step is this value. It is 0 if the value is negative, or if the row has no pair with a gain at
-    the step. The result is ``(G - v) - r``. It is computed as ``(D_best - D) + (v_best - v)``, plus
-    differences of A and B, because these differences keep digits that gains near 1 lose.
-    Subtracting offsets decreases the values of all paths of a row by the same sum
+    The best pair of a row at a step has the largest gain minus price, G - v. If this value is
+    positive, it is the *offset* r of the row at the step. In all other cases, r is 0. Subtracting
+    offsets decreases the values of all paths of a row by the same sum
     (docs/theory/certificate.md, "The bounds that are computed").
+
+    The result ``(G - v) - r`` is computed as ``(D_best - D) + (v_best - v)``, plus differences of
+    A and B. Gains near 1 would lose digits that these differences keep.
 
     `steps` is the result of `row_steps`. `price` (S,) must have the exact price of each state with
     a gain, and a lower bound of the price of each run without gain.
@@ -75,7 +76,8 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     Returns
     -------
     relative : (S,) float array
-        Upper bound of the gain minus price of each state, minus the offsets of its steps.
+        Upper bound of the result of each state. From a run, the offsets of all its steps are
+        subtracted.
     offset : (G,) float array
         Lower bound of the offset of each row and step.
     best : (G,) int array
@@ -167,10 +169,8 @@ def row_steps(states: States) -> Slots:
 def turns(states: States, steps: Slots | None = None) -> tuple[list[int], Ints, Ints, Ints]:
     """Return the states in the order of a Viterbi pass over all rows at once.
 
-    A row has a *turn* for each step at which one of its states begins. Turn k of all rows is done
-    at once: it has the states that begin at the k-th such step of their row. The states before them
-    in the same pairs end at the step before. The first turn of each row is at the first step of its
-    window.
+    A row has a list of the steps at which one of its states begins. Turn k of the pass has, for all
+    rows together, the states that begin at the k-th step in the list of their row.
 
     Parameters
     ----------
@@ -216,7 +216,8 @@ def best_values(
     All are 0 at the beginning. At each of the `steps` (the result of `row_steps`), they change:
 
     1. ``h = max(h, F_t - lambda)`` for each state t that ends.
-    2. ``F_s = max(F_t, h - lambda) + value_s`` for each state s that begins after t in its pair.
+    2. ``F_s = max(F_t, h - lambda) + value_s`` for each state s that begins. In its pair, t is the
+       state before s.
     3. ``h = h - r``, with the offset r of the step.
 
     The result of a row is the largest of its h and all its F at the end

@@ -32,8 +32,8 @@ def offsets(states: States) -> Offsets:
     entry : (G,) int array
         The cheapest entry of this row and step.
     loss : (G,) float array
-        The *offset*: a lower bound of the gain of the cheapest entry. It is subtracted from the
-        values of all paths of the row ("lost").
+        The *offset*: a lower bound of the gain of the cheapest entry. All paths of the row *lose*
+        it: it is subtracted from their values.
     relative : (S,) float array
         Upper bound of the gain of each state minus the offset of its row and step; 0 for runs
         without gain.
@@ -67,10 +67,10 @@ def offsets(states: States) -> Offsets:
 class RowMoves:
     """Events of rows, in order of time: states begin, prices are paid, offsets are lost.
 
-    Rows and pairs are those of the states given to `RowMoves.of`, numbered in the same order. Times
-    are the integers from 0 on. Each kind of event has some arrays with an element for each event,
-    sorted by time. It also has an array (times + 1,) with the index of the first event of each
-    time; the last element is the number of events.
+    Rows and pairs are those of the states given to `RowMoves.of`, numbered in the same order. A
+    time is an integer from 0 on. The events of a kind are sorted by time. An array (times + 1,) has
+    the index of the first event of each time, and at the end the number of events. Other arrays
+    have an element for each event.
 
     Parameters
     ----------
@@ -84,12 +84,12 @@ class RowMoves:
         Index of the first state that begins at each time.
     begin_pair, gains, relative, switch_price : arrays
         For each state that begins: its pair, a mask that is True if it has a gain, its gain minus
-        the offset, and the switch price. A path pays this price if it enters the state from "none",
-        or if it changes from the state before in the pair to "none".
+        the offset, and the switch price. A path pays the switch price if it enters the state from
+        "none", or if it leaves the state before in the same pair for "none".
     charges : (times + 1,) int array
         Index of the first payment at each time.
     charge_pair, charge : arrays
-        Pair and amount of each payment of the price of a slot.
+        Pair and amount of each payment. The amount is the price of one slot.
     losses : (times + 1,) int array
         Index of the first loss at each time.
     loss_row, loss : arrays
@@ -175,19 +175,20 @@ def forward(
 ) -> Iterator[Floats]:
     """Yield an upper bound of the value of each row's best path, (R,), after each time.
 
-    Values are relative: the offsets up to a time are subtracted from the values of all paths. A
-    path can only change from a pair to "none" when a state of the pair begins. The arrays
-    `unassigned`, `reached` and `rest` are changed in place.
+    The offsets up to a time are subtracted from the values of all paths. A path can change from a
+    pair to "none" only when a state of the pair begins. The arrays `unassigned`, `reached` and
+    `rest` are changed in place.
 
     Parameters
     ----------
     moves : RowMoves
         The events.
-    unassigned, reached : (R,), (P,) float arrays
-        Best values before the first time: of the paths of each row that are at "none", and of those
-        that are in each pair.
+    unassigned : (R,) float array
+        For each row, the best value before time 0 of its paths that are at "none".
+    reached : (P,) float array
+        For each pair, the best value before time 0 of the paths that are in the pair.
     rest : (R,) float array, optional
-        Best value of the paths of each row that are in states without events.
+        For each row, the best value of its paths that are in states without events.
     """
     for time in range(moves.times):
         own = slice(moves.begins[time], moves.begins[time + 1])
@@ -211,7 +212,7 @@ def forward(
                 np.copyto(rest, up(rest - lose), where=lose > 0)
         if len(at):
             reached[at] = up(reached[at] + moves.relative[own])
-        if paid.stop > paid.start:  # a pair pays at most once at a time: one slot begins at most
+        if paid.stop > paid.start:  # each pair at most once: at most one of its slots begins
             charging = moves.charge_pair[paid]
             reached[charging] = up(reached[charging] - moves.charge[paid])
         best = np.maximum(unassigned, np.maximum.reduceat(reached, moves.first))
@@ -220,7 +221,7 @@ def forward(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """Numbering of cells. A *cell* is a step in the window of a block. Arrays over cells are (C,).
+    """Indices of cells. A *cell* is a step in the window of a block. Arrays (C,) are over cells.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ class Cells:
         )
 
     def of(self, block: Ints, step: Ints) -> Ints:
-        """Return the cells of pairs of a block and a step, given as two arrays."""
+        """Return the cell of each `block` at each `step`; both arrays have the same length."""
         return self.first[block] + (step - self.begin[block])
 
     @property
@@ -267,8 +268,8 @@ class Cells:
     def running(self, value: Floats) -> Floats:
         """Return the running sums of values (C,) in each block.
 
-        For values >= 0, the relative error of a sum of n terms is at most n units of rounding. It
-        does not depend on the values of other blocks.
+        For values >= 0, the relative error of a sum of n terms is at most n 2^-53. Values of other
+        blocks do not change it.
         """
         total = np.empty_like(value)
         for low, high in itertools.pairwise(self.first.tolist()):

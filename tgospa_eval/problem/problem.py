@@ -4,8 +4,8 @@
 
 over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). The letters
 are those of docs/theory/notation.md. All costs are divided by c^p, because the tolerances of LP
-solvers are absolute. Otherwise the costs of data with small numbers would be less than the
-tolerances, and values would be wrong without any message.
+solvers are absolute. Without the division, small costs could be less than the tolerances, and
+values would be wrong without any message.
 `metric_family.tgospa_problem` makes a problem from distances, cutoff, order and penalty.
 """
 
@@ -81,12 +81,12 @@ class Problem:
     cost : (N,) float array
         Cost of each assigned pair, less than A + B.
     switch_price : float or (T - 1,) float array
-        Price of half a switch: one number for all steps, or a number for each step and the next.
+        Price of half a switch: one number, or a number for each change from a step to the next.
     cost_error : float
         Largest relative error of the costs and switch prices. Bounds are widened by it.
     cost_slack : float
         Largest amount by which the sum of the costs of an assignment can be too large. It is
-        positive if tiny costs were replaced by a larger smallest cost.
+        positive if tiny costs were raised to a smallest cost.
     rounding : float
         Cost that rounding of the last digits of the states can cause.
     distance_power : (N,) float array, optional
@@ -99,8 +99,8 @@ class Problem:
         object. By default, the factor is A + B, or 2 min(A, B) if objects have probabilities of
         existence.
     at_cutoff : int
-        Number of pairs with an ignored object that are so near the cutoff that rounding of the
-        distance decides if they gain.
+        Number of pairs with an ignored object for which only the rounding of the distance decides
+        if the pair has a gain.
     signed : bool
         Whether gains are allowed to be negative. The certificate does not support such a problem.
     """

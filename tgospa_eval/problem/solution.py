@@ -32,7 +32,7 @@ class Solution:
     detail : str
         Details of the status.
     unsolved : pair of int, optional
-        Number of components that are not solved, and number of all components that are not trivial.
+        Number of components that are not solved, and number of components to solve.
     iterations : int
         Number of iterations: sweeps over the problem, or steps of the simplex method.
     finished : bool
@@ -42,7 +42,7 @@ class Solution:
     disposable : bool
         Whether code that receives the solution is allowed to overwrite its weights.
     missing : (B,) bool array
-        Mask of all blocks except those that are known to be solved.
+        Mask of the blocks that may be unsolved.
     reduced : tuple of Reduced
         Solutions of some blocks at a smaller cutoff. Their prices prove better bounds.
     """
@@ -100,8 +100,8 @@ class Bounds(Interval):
     lower, upper : float
         The two bounds; `upper` is the cost of a feasible assignment.
     rounding : float
-        Cost that rounding of the last digits of the states can cause. If `upper` is at most this,
-        the whole cost may be an effect of rounding.
+        Cost that rounding of the last digits of the states can cause. If `upper` is not larger, the
+        whole cost may be an effect of rounding.
     """
 
     rounding: float = 0.0
@@ -182,8 +182,8 @@ class Windows(Brackets):
     first, last : (N,) int arrays
         First and last step of each window.
     size, every : str
-        Length of a window, and distance from one window to the next, in words. Both are empty until
-        they are known. The distance between the last two windows can be smaller.
+        Length of a window, and time from one window to the next, in words. Blank if not yet known.
+        The time between the last two windows can be shorter.
     """
 
     first: Ints
@@ -239,7 +239,7 @@ class Unjudged:
 
     @classmethod
     def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
-        """Add up the numbers of several evaluations with the same steps; None if there are none."""
+        """Add up the numbers of evaluations with the same steps; None if `several` is empty."""
         if not several:
             return None
         return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
@@ -324,7 +324,7 @@ class Switches:
         Step and true object of each change.
     before, after : (N,) int arrays
         Estimate with the largest decrease of its weight, and estimate with the largest increase; -1
-        if no weight decreases, or increases.
+        if there is no such estimate.
     variation : (N,) float array
         Total variation of the weights, which is twice the number of switches.
     """
@@ -350,7 +350,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
     def largest(chosen: Mask) -> Ints:
         """Return, for each (step, truth), the estimate with the largest of the chosen changes.
 
-        It is -1 if none of its changes is chosen.
+        It is -1 for a (step, truth) without a chosen change.
         """
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
@@ -373,11 +373,10 @@ class PerTrack:
     Parameters
     ----------
     localisation, unassigned, switch : (k,) float arrays
-        Costs in units of c^p: those of the localisation errors, those of the steps at which the
-        true object is missed (or the estimate is false), and those of the switches.
+        Costs in units of c^p: of localisation errors, of missed steps (for an estimate: of false
+        steps), and of switches.
     unassigned_count, switch_count : (k,) float arrays
-        Number of steps at which the true object is missed (or the estimate is false), and number of
-        switches.
+        Number of missed steps (for an estimate: of false steps), and number of switches.
     """
 
     localisation: Floats

@@ -1,15 +1,17 @@
 """The reduced problem: states that can be assigned, and the slots for which they compete.
 
-A *state* is a pair of trajectories over an interval of steps on which its assignment can be assumed
-constant: one step with a gain, or a maximal run of steps without a gain (docs/theory/reductions.md,
-"Run merging"). Because of these runs, the number of states grows with the number of gains, not with
-the number of pairs times the number of steps. A *block* is a connected component of the graph of
-pairs, in its own window of time. No trajectory is in two blocks. The elements of a block are next
-to each other in every array.
+A *state* is a pair of trajectories over an interval of steps: one step with a gain, or a *run*. A
+run is a longest possible sequence of steps without a gain. While a state lasts, the assignment of
+its pair can be assumed constant (docs/theory/reductions.md, "Run merging"). Because of runs, the
+number of states grows with the number of gains, not with the number of pairs times that of steps.
 
-A *slot* is an interval of steps of a trajectory on which the competing states do not change. The
-weights of these states sum to at most 1. Weights are stored as integers in units of 1/`ONE`, so
-that such sums are exact. `merge_runs` makes the states of a problem.
+A *block* is a connected component of the graph of pairs, in its own window of time. No trajectory
+is in two blocks. The elements of a block are next to each other in every array.
+
+Several states of a trajectory can *compete*: their weights at a step sum to at most 1. A *slot* is
+an interval of steps on which the same states of a trajectory compete. Weights are stored as
+integers in units of 1/`ONE`, so that their sums are exact. `merge_runs` makes the states of a
+problem.
 
 Sizes of arrays are written with these letters: S states, P pairs, K slots, B blocks, T steps, and R
 rows of the truth or of the estimate. Other letters are those of docs/theory/notation.md.
@@ -103,7 +105,7 @@ class Slots:
 
     @property
     def end(self) -> Ints:
-        """Index after that of the last slot of each state, (S,)."""
+        """Index of the last slot of each state, plus 1, (S,)."""
         end = np.empty_like(self.begin)
         end[:-1] = self.begin[1:]
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
@@ -215,8 +217,8 @@ def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps
 
 
 SMALL = 1 << 16
-"""Largest number of states for which `States.between` returns the object itself, not a copy, if it
-is called for all blocks."""
+"""Largest number of states of an object that `States.between` does not copy if it is called for all
+blocks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,8 +227,8 @@ class States:
 
     Nodes are trajectories that have a pair. They are numbered block by block. Each node is a row,
     which follows one path, or a column, which has prices. In most blocks, the rows are the true
-    objects. In a block with a single estimate and several true objects, the estimate is the row
-    (unless `merge_runs` is told not to transpose).
+    objects. In a block with a single estimate and several true objects, the estimate is the row,
+    except with `transpose=False` in `merge_runs`.
 
     Parameters
     ----------
@@ -392,17 +394,16 @@ class States:
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
         """Return the blocks from `low` to before `high` as a new object.
 
-        The new object shares most of its memory with this object. An object keeps its property
-        `rows` in memory after the first use. For this reason, the result is a new object even if
-        the range has all blocks: `rows` is freed together with the result. Exception: if the range
-        has all blocks and there are at most SMALL states, the result is this object itself.
+        The new object shares most of its memory with this object. It computes its own property
+        `rows`, which is freed together with it. If the range has all blocks, and there are at most
+        SMALL states, the result is this object itself.
 
         Returns
         -------
         states : States
             States of the same `problem`.
         state, slot : slice
-            Places of its states and of its column slots in this object.
+            Indices of its states and of its column slots in this object.
         """
         if (low, high) == (0, len(self.block_begin)):
             whole = self if len(self.begin) <= SMALL else replace(self)
@@ -477,8 +478,8 @@ def repair(states: States, weights: Floats) -> Ints:
 def whole_weights(weights: Floats, whole: Ints) -> None:
     """Write weights to `whole`, in units of 1/ONE.
 
-    They are clipped to the range from 0 to 1, and set to 0 or 1 if they are very near. `whole` and
-    `weights` are allowed to share their memory.
+    Weights are clipped to the range from 0 to 1, and set to 0 or 1 if they are very near. The two
+    arrays are allowed to share their memory.
     """
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
@@ -525,12 +526,12 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
-    """Yield parts of the states, and the places of their states in `states`.
+    """Yield parts of the states, and the indices of the states of each part.
 
     A part has about PART states. A row is never divided between parts. At given prices, rows do not
     depend on each other, so parts can be processed one by one. Nodes and column slots keep their
-    numbers. If blocks have many steps, parts are larger: a pass over a part takes some time for
-    each step, even at steps with few states.
+    numbers. If blocks have many steps, parts are larger, because every step of a part takes some
+    time, even with few states.
     """
     size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:

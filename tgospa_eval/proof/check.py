@@ -82,7 +82,7 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
 
 
 def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
-    """Check all proofs in a folder; `judge` checks one of them.
+    """Check all proofs in a folder, each with `judge`.
 
     The total work of all checks is limited.
 
@@ -134,7 +134,7 @@ def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = st
 def _folders(folder: str) -> list[str]:
     """Return the folders with a proof: the folder itself, or the folders of classes in it.
 
-    If there are none, the same is tried with the folder ``proof`` in it.
+    If there are none, its folder ``proof`` is searched in the same way.
     """
     for path in (folder, os.path.join(folder, PROOF_FOLDER)):
         folders = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
@@ -147,7 +147,7 @@ def _folders(folder: str) -> list[str]:
 
 
 def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
-    """Yield a failed claim for each class that the proofs name, but that has no proof itself."""
+    """Yield a failed claim for each class that is named in a proof, but has no proof of its own."""
     there, needed = set(), set()
     for path in folders:
         with suppress(*verify_tgospa.DAMAGED):  # `check` reports damaged files

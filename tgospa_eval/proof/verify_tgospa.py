@@ -11,9 +11,9 @@ most 1. Its cost in units of c^p (cutoff c, order p) is
 P is the price of an unassigned state: 1 - rho of the truth, rho of the estimate (by default 1/2). G
 is the gain of a pair: 1 - (d / c)^p at a distance d < c, else 0. L is the price of half a switch,
 (g / c)^p / 2 with the switch penalty g. With masks, P is 0 for truth states of weight w = 0 and for
-excused estimate states, and G is P_i + P_j - w (d / c)^p if d < c and this is positive, else 0. The
-least cost is (TGOSPA / c)^p. Upper bound: the cost of the assignment in the folder, whose weights
-are checked. Lower bound, for any prices v_j(k) >= 0, such as those in the folder:
+excused estimate states. G is then P_i + P_j - w (d / c)^p at a distance d < c, but at least 0. The
+least cost is (TGOSPA / c)^p. The upper bound is the cost of the assignment in the folder, after its
+weights are checked. The lower bound, for any prices v_j(k) >= 0 such as those in the folder, is
     sum of P over all states  -  sum_jk v_j(k)  -  sum_i R_i,   with R_i by dynamic programming.
 R_i is the most that object i can gain if it pays v_j(k) for using j at k, L for taking an estimate
 and L for leaving it. Proof: adding v_j(k) (sum_i W_ij(k) - 1) <= 0 does not increase the cost.
@@ -26,7 +26,7 @@ SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances whose formula is in this file
 MARKS, COUNTED = ("weight", "excused"), ("1", "0")  # columns; values if a state counts
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
-MORE_BITS = 120  # costs have so many bits more than prices
+MORE_BITS = 120  # bits that costs have in addition to those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
 
@@ -34,7 +34,7 @@ DAMAGED += csv.Error, RecursionError, MemoryError
 PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 LENGTH, FIGURES = 60, 1000  # characters of a decimal number, digits of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
-WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # of `spend`: about microseconds, bytes; bytes
+WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # about microseconds; bytes; bytes
 
 # All fields of proof.json: [x] means a list of x, (x, y) a row; fields under MAY are optional.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
@@ -93,7 +93,7 @@ def whole(value, limit=10**FIGURES):
 
 
 def check(value, kind, where):
-    """Check that a value of proof.json has a kind, as DOCUMENT has them; `where` is its place."""
+    """Check that a value of proof.json is of a kind in DOCUMENT; `where` names it in messages."""
     if isinstance(kind, dict):
         check(value, dict, where)
         known = kind | kind.get(MAY, {})
@@ -180,14 +180,14 @@ class Folder:
         return proof
 
     def spend(self, work):
-        """Count work up to a limit; above MEGABYTE it grows faster than the number of pairs can."""
+        """Count work up to a limit; in large folders, the limit grows faster than the pairs."""
         self.work += work
         if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
             raise BeyondLimits("there are too many near pairs for a folder of this size")
 
 
 def is_closed(given):
-    """Return whether distances follow from the states; not so if reports hold on a clock."""
+    """Return True if distances are computed from the states; False if reports hold on a clock."""
     return given["distance"] in CLOSED and "held" not in given
 
 
@@ -285,7 +285,7 @@ class ClaimedScene:
                 raise ValueError("distances.csv has a duplicate pair at one time")
 
     def _lost(self, low, high, missed, false):
-        """Return integers below and above the cost of a pair, 1 minus P_i + P_j - w (d / c)^p."""
+        """Return integers below and above 1 - (P_i + P_j - w (d / c)^p), the cost of a pair."""
         rest = (1 << self.bits) - missed - false
         cost = [rest + (power if missed else 0) for power in (low, high)]
         return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
@@ -300,7 +300,7 @@ class ClaimedScene:
             yield truth, estimate, k, a * base, b * top
 
     def _measured(self, folder, sides, scale, turn):
-        """Yield all pairs of a step in neighbouring cells, wide as the cutoff, with `_ratio`."""
+        """Yield the pairs of each step in equal or adjacent cells of width c, with `_ratio`."""
         every = itertools.chain([turn], sides[0].values(), sides[1].values())
         units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
         unit = max(units | {self.cutoff.denominator})  # all are powers of 2
@@ -352,8 +352,8 @@ def lower_bound(scene, proof):
     one, leave = 1 << scene.bits, scene.change[0]
     bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
-        # assigned[j]: the largest gain if j is assigned now, plus all prices of j so far; at first
-        # 0, as an assignment from the first step on costs no L. free: the same for no assignment.
+        # assigned[j]: the largest gain if j is assigned now, plus all prices of j so far. It begins
+        # at 0, as an assignment from the first step on costs no L. free: the same if unassigned.
         assigned, free = dict.fromkeys(costs, 0), 0
         gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
         for _, group in itertools.groupby(gains, lambda gain: gain[0]):

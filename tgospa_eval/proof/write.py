@@ -164,8 +164,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # a block is a component, and L is the price of half a switch.
 #
 # - The price of a slot is paid once, by the object that has the estimate in it. The whole price is
-#   put on the first step of the slot. This is right because no pair gains between the steps of a
-#   slot, so that no object needs to take the estimate between them.
+#   put on the first step of the slot. At its later steps no pair gains, so no object needs to take
+#   the estimate there.
 # - In a block of a single estimate and several true objects, the estimate is the row, and there are
 #   no prices. Prices follow from the value function: let V_k(i) be the most that the estimate can
 #   gain after the step k if it is then assigned to the object i, and V_k(0) if it is then
@@ -187,8 +187,8 @@ Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
 
 SPARE_BITS = 55
-"""Bits of prices, beyond the size of the bound. Rounding lowers all prices together by at most
-2^-SPARE_BITS of the lower bound, which is half of the rounding that the bound allows for."""
+"""Bits of prices in addition to those for the size of the lower bound. Rounding then lowers the sum
+of all prices by at most 2^-SPARE_BITS of the bound, half as much as the bound allows."""
 
 
 def price_bits(states: States, lower: float) -> int:
@@ -245,7 +245,7 @@ def estimate_prices(
 
 
 def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
-    """Return (estimate, step) of the entries whose estimate has a price if it is unassigned."""
+    """Return (estimate, step) of the entries whose estimate costs something if unassigned."""
     row = problem.estimate_row[entry]
     row = np.unique(row[problem.estimate_price[row] > 0])
     columns = problem.estimate_track[row], problem.estimate_step[row]
@@ -255,7 +255,7 @@ def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
 def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits: int) -> Prices:
     """Return the prices of the slots of `chosen` blocks, at the first steps of the slots.
 
-    They are those of the certificate, but adjusted to the exact A and B.
+    They are the prices of the certificate, adjusted to the exact A and B.
     """
     columns, problem = states.columns, states.problem
     unit, running = columns.running(fair_prices(prices))
@@ -309,7 +309,7 @@ def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     priced: Prices = Counter()
-    value: dict[int, int] = {}  # V(i) is this or V(0) - L, if that is larger
+    value: dict[int, int] = {}  # V(i) is the larger of this and V(0) - L
     unassigned = 0
     for step, group in itertools.groupby(zip(steps, truths, gains, strict=True), lambda at: at[0]):
         best = unassigned
@@ -497,8 +497,8 @@ def _claim(proof: PairProof) -> list[str]:
     The checker computes distances exactly, or reads them from a table. The `relative` widening is
     for distances d in a table, which `proof_tables` computes from costs (d / c)^p. The `absolute`
     widening is for boxes, where d is 1 minus a ratio near 1, and for periodic columns, where d is
-    the period minus a difference. It is multiplied by the number of states of the smaller table,
-    because an assignment has at most so many pairs.
+    the period minus a difference. It is multiplied by the number of states of the smaller table:
+    the largest possible number of assigned pairs.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
@@ -530,9 +530,9 @@ def _steps_of_tables(problem: Problem) -> Ints:
 def _at_steps(there: Ints, prices: Prices) -> Prices:
     """Move each price to the next step of `there`; if no such step follows, to the last one.
 
-    The prices prove the same bound: between the old and the new step no pair gains. So a path that
-    uses the estimate at the new step can use it from the old step on (or up to it), and pays the
-    price once in both cases.
+    The moved prices prove the same bound, because no pair gains between the old and the new step. A
+    path that uses the estimate at the new step pays the price once, also if it uses the estimate at
+    the old step.
     """
     priced: Prices = Counter()
     steps = np.array([step for _, step in prices], np.int64)
@@ -546,8 +546,8 @@ def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, i
     """Return true object, estimate, first step, last step and weight of each stretch of time.
 
     In a stretch, the weight of a pair is constant. A stretch that reaches an end of the window of
-    its block is extended to this end of the recording. Its ends are moved to steps in `there`;
-    this does not increase the cost, because no pair gains at other steps.
+    its block is extended to this end of the recording. The ends of stretches are moved to steps in
+    `there`. This does not increase the cost, because no pair gains at other steps.
     """
     saved = save_solution(proof.states, proof.weights, proof.prices)
     begin = np.searchsorted(there, saved.begin)

@@ -3,10 +3,10 @@
 Rules decide which timestamps of the sides are one step, and which steps count. This module is
 independent of files and of the metric.
 
-A common clock (`resample`) has regular steps. A row of the estimate is then called a report. It is
-valid ("holds") for the period of the tracker, and so at all steps of the clock in this time. At
-each of these steps it is compared with the truth at the time of the report, not of the step. So
-reports are never interpolated (docs/how-to/time.md).
+A common clock (`resample`) has regular steps. On this clock, a row of the estimate is called a
+*report*. A report *holds* (is valid) for the period of the tracker: at all steps of the clock in
+this time. At each of these steps, the report is compared with the truth at the time of the report,
+not of the step. Reports are never interpolated (docs/how-to/time.md).
 """
 
 import math
@@ -60,10 +60,11 @@ class TimeMatching:
     steps : Steps, optional
         Steps that the user declared. Only these count. Rows at other times are left out.
     outage : float, str, or "none", optional
-        A time is an outage if it is longer than this, and no estimate is near a true object in it.
-        The timestamps of the truth in an outage are also steps. This matters only if times of the
-        estimate decide which steps count. By default it is five times the median time between
-        states of the estimate near a true object. ``"none"`` means that outages add no steps.
+        A stretch of time without an estimate near any true object is an outage if it is longer than
+        this duration. The timestamps of the truth in an outage are also steps. The setting matters
+        only if times of the estimate decide which steps count. By default, it is five times the
+        median time between states of the estimate near a true object. ``"none"`` means that outages
+        add no steps.
 
     Raises
     ------
@@ -171,7 +172,7 @@ class TimeMatching:
 
     @property
     def gaps(self) -> tuple[Duration, ...]:
-        """Longest gap to interpolate across; then, if given, longest gap between reports."""
+        """Longest gap that is interpolated, and longest gap between reports of a run, if given."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
 
     @property
@@ -188,7 +189,7 @@ class TimeMatching:
 
     @property
     def decided(self) -> str:
-        """Name of the option in use that sets the steps without the timestamps, or a blank."""
+        """Option in use that decides the steps instead of the timestamps, or a blank."""
         if self.steps is not None:
             return option("steps")
         return option("resample") if self.resample is not None else ""
@@ -371,8 +372,8 @@ def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple
 def within(difference: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Return whether differences of times are within the tolerance.
 
-    A decimal in a file is rounded to a double, by up to half the distance between two neighbouring
-    doubles. So the difference of two decimals is allowed to exceed the tolerance by this distance.
+    Decimals in a file are rounded to doubles, each by up to half the distance between neighbouring
+    doubles. The difference of two is therefore allowed to exceed the tolerance by this distance.
     """
     if difference.dtype.kind == "u":
         bound = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
@@ -498,7 +499,7 @@ class ClockReports:
         return {name: k for k, name in enumerate(self.truths.tolist())}
 
     def number(self, side: Trajectories) -> Ints:
-        """Return the index in `truths` of each id of trajectories of the truth."""
+        """Return, for each id of `side`, its index in `truths`; the side has only true objects."""
         return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
 
     def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:

@@ -21,11 +21,11 @@ LARGEST_COORDINATE = 1e150
 """Largest coordinate of a particle; its square still fits in a double."""
 
 UNEVEN_SUM = 1e-3
-"""If a sum of weights differs from 1 by more, a message says that they were normalised."""
+"""Largest difference from 1 of a sum of weights that is normalised without a message."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
-    """Return a mask of sums of weights that are 1 up to rounding: these are not normalised."""
+    """Return a mask of the sums of weights that are 1 up to rounding."""
     return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
 

@@ -36,7 +36,7 @@ TIME_UNITS = {
 """Nanoseconds of each unit."""
 
 MAX_STEPS = 10_000_000
-"""Largest number of steps that may be declared."""
+"""Largest number of declared steps."""
 
 DURATION = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?|\.[0-9]+)\s*([a-z]*)\s*")
 
@@ -86,7 +86,7 @@ class Duration(float):
         return made
 
     def check(self, clock: str, name: str, remedy: str = "give a number in their unit") -> None:
-        """Check that a duration with a unit is not for timestamps that are plain numbers.
+        """Refuse a duration with a unit if the timestamps are plain numbers.
 
         `clock` is the kind of the timestamps; `name` and `remedy` are for the message.
 
@@ -116,8 +116,8 @@ class Steps:
     first, last : int or float
         First and last step, as timestamps: numbers, or nanoseconds since 1970.
     every : Duration, optional
-        Time between two steps. Only if both ends are integers, and not ISO times, it has a
-        default: 1.
+        Time between two steps. The default is 1 if both ends are integers and not ISO times. In all
+        other cases, it is required.
     clock : {"number", "local", "zoned"}
         Kind of the timestamps.
     text : str
@@ -219,7 +219,7 @@ def stretch(
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
-"""Digits of intermediate results; timestamp, factor and offset have fewer together."""
+"""Digits of intermediate results: more than timestamp, factor and offset have together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +265,7 @@ class Conversion:
             object.__setattr__(self, name, value + 0.0)
 
     def recorded_of(self, role: str) -> dict[str, object]:
-        """Return the settings that are not neutral, by their JSON names for this role of a side."""
+        """Return the settings that change something, by JSON name; `role` names the side."""
         neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
         values = {name: getattr(self, name) for name in neutral}
         record: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}

@@ -32,8 +32,8 @@ ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Largest relative difference between the entries xy and yx; their mean is used."""
 
 ILL = 1e-4
-"""Matrices of d >= 3 are factored with pivots if earlier components leave less than this share of
-a variance."""
+"""Limit of the share of a variance that earlier components do not determine. Matrices of d >= 3
+with a smaller share are factored with pivots."""
 
 MATRICES_TOGETHER = 1 << 13
 """Number of matrices that are factored with pivots at a time."""
@@ -90,7 +90,8 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     np.sqrt(a, out=factors[0])
     bound = np.sqrt(c)
     left = c.copy()
-    # An overflow of b / sqrt(a) is clipped. One of the remainder is negative, and becomes 0.
+    # If b / sqrt(a) overflows, it is clipped. If the remainder overflows, it is negative, and its
+    # root is left at 0.
     with np.errstate(over="ignore"):
         np.divide(b, factors[0], out=factors[1], where=a > 0)
         np.clip(factors[1], -bound, bound, out=factors[1])
@@ -117,10 +118,7 @@ def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
 
 
 def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
-    """Factor without pivots; also return the smallest share of a variance that is left.
-
-    For each component this is the share that earlier components leave, see `ILL`.
-    """
+    """Factor without pivots; also return the smallest share of a variance, as in `ILL`, (R,)."""
     d = size_of(len(packed))
     at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
     factors = np.zeros_like(packed)

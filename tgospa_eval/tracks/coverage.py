@@ -29,7 +29,7 @@ IGNORED, EXCUSED = "ignored", "excused"
 
 MARKED, OWN_MARKS = "marked", "marked-estimates"
 MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
-"""Values of ``--ignore`` that use marks, each with the column that it reads."""
+"""Values of ``--ignore`` that use marks, each with its column of marks."""
 
 NOT_COUNTED = "\0not judged"
 """Attribute that is 1 for states that are not evaluated, for whatever reason: states of the truth
@@ -102,7 +102,7 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
 COVERAGE_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
-"""Fields of the record of a coverage that comparisons of values need."""
+"""Fields of a coverage that are needed to compare two values."""
 
 
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
@@ -189,7 +189,7 @@ def judge(
     Parameters
     ----------
     horizon : Trajectories
-        Trajectories with the timestamps of the horizon; their rows are not used. Without
+        Trajectories with the timestamps of the horizon; their rows are not used. If they have no
         timestamps, those of `truth` are the horizon.
     truth : Trajectories
         States of the truth that count, on the evaluated steps.
@@ -265,14 +265,14 @@ def digest_of_times(ticks: TimeArray, clock: str) -> str:
 def digest(side: Trajectories, *, existence: bool = False) -> str:
     """Return a digest of exactly the parts of a side that change the value of the metric.
 
-    Covered are the names of the state columns, and for each row: id, time, state, covariance or
-    particles with their weights, the mark `NOT_COUNTED`, and with `existence` the probability of
-    existence. The side must be given as the distance uses it: as points, for example.
+    The digest covers the names of the state columns. For each row, it covers id, time, state,
+    covariance or particles with their weights, and the mark `NOT_COUNTED`. With `existence`, it
+    also covers the probability of existence. The side must be given as the distance uses it: as
+    points, for example.
 
-    Not covered are labels, other attributes, the order of the ids, and tracks and times without
-    rows. A row without a mark is hashed as in a side without marks. The kind of the times is
-    covered by the digest of the steps. Regions, weights of steps and all options are recorded in
-    the parameters.
+    The digest does not cover labels, other attributes, the order of the ids, and tracks and times
+    without rows. A row without a mark is hashed as in a side without marks. The digest of the steps
+    covers the kind of the times. The parameters record regions, weights of steps and all options.
     """
     clouds = side.clouds
     arrays = () if clouds is None else (clouds.first, clouds.points, clouds.weights)

@@ -33,8 +33,8 @@ RUN = 1.5
 """Largest time between consecutive reports of a run, in periods, unless the user sets it."""
 
 SLACK = 1e-9
-"""The time in which a report holds begins and ends earlier by this share of a period. So a step at
-the end belongs to the next report, despite rounding."""
+"""The time in which a report holds is shifted back by this share of a period. A step at its end
+then belongs to the next report, despite rounding."""
 
 
 def interpolated(
@@ -176,11 +176,11 @@ def find_times(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
 ) -> tuple[Ints, Ints, Ints, Floats, Mask]:
-    """Return the places of the new rows between consecutive states of a track.
+    """Return the new rows between consecutive states of a track.
 
     Gaps longer than `max_gap` get new rows only with `across`. The result has five arrays with an
-    entry for each new row: the row before the gap, the row after it, the step of the new row, its
-    position in the gap (from 0 to 1), and whether the gap is longer than `max_gap`.
+    element for each new row: the row before the gap, the row after the gap, the step of the new
+    row, its time as a share of the gap, and True if the gap is longer than `max_gap`.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
@@ -240,11 +240,11 @@ def hold(
 ) -> tuple[Trajectories, ClockReports]:
     """Put the estimate on a common clock, where each report holds for its period.
 
-    A report is a row of the estimate. It holds: it is valid also at steps before and after its own
-    time. A run is a sequence of reports of a track without a long gap. Inside a run a report holds
-    up to the middle to its neighbours. Before and after the run, its first and last report hold
-    for half a period, but not beyond the middle to the next report of the track. So n regular
-    reports hold for n periods, and a single report holds for one period.
+    A *report* is a row of the estimate. It *holds* (is valid) also for some time before and after
+    its own timestamp. A *run* is a sequence of reports of a track without a long gap. Inside a run,
+    a report holds half of the time to the report before it, and half of the time to the next one.
+    At both ends of a run, reports hold for half a period, but at most half of the time to the
+    neighbouring run of the track. In total, n regular reports hold for n periods.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ class Frame:
         return np.column_stack((east, north, states[:, 2:]))
 
     def to_earth(self, states: Floats) -> Floats:
-        """Convert states of the other kinds to latitude, longitude and, if given, height."""
+        """Convert states on Earth or in a system to latitude, longitude and, if given, height."""
         if self.kind == "earth":
             return states
         x, y = from_crs(self.text, self.option).transform(states[:, 0], states[:, 1])
@@ -201,7 +201,7 @@ class Frames:
 
     @property
     def is_local(self) -> set[bool]:
-        """Set with True if a side is local or polar, and with False if a side is neither."""
+        """Set of answers for both sides: True for a local or polar side, False for any other."""
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property

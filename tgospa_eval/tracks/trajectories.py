@@ -30,7 +30,7 @@ Attributes: TypeAlias = Mapping[str, Values]
 
 
 ROW = "\0row"
-"""Attribute, if requested, with the position of each row in its file."""
+"""Attribute, if requested, with the index of each row in its file."""
 
 
 def file_order(step: Ints, attributes: Attributes) -> Ints:

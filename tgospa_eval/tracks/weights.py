@@ -71,9 +71,10 @@ class WeightsByTime:
 
 
 def repeated(times: TimeArray) -> tuple[int, int, int] | None:
-    """Return the index of the first repeat of a time, of its first occurrence, and their number.
+    """Find repeated times; return None if all times are distinct.
 
-    The number counts all repeats of all times. None means that no time is repeated.
+    The result has three numbers: the index of the first element that repeats an earlier time, the
+    index of this earlier time, and the number of all elements that repeat an earlier time.
     """
     order = np.argsort(times, kind="stable")
     again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
