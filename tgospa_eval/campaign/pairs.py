@@ -172,7 +172,7 @@ def of_patterns(
 ) -> BatchPlan:
     """Make a job for each estimate that matches its pattern.
 
-    The fields of the truth have the same values as the fields of the estimate.
+    In each job, a field of the truth has the same value as this field of the estimate.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def of_layout(
     Raises
     ------
     ConfigError
-        A folder has another layout. The message names folders above or below with this layout.
+        A folder does not have this layout. The message names nearby folders that have it.
     """
     shapes, folders = LAYOUTS[layout], (truth, trackers)
     wrong = [
@@ -707,7 +707,7 @@ def _fields(path: str) -> list[str]:
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """Return the notice about hidden files that a pattern skips, if there are any, by its kind."""
+    """Return the notice about hidden files that a pattern skips, by its kind; empty without any."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)

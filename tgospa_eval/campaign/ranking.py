@@ -816,16 +816,7 @@ def _orders(
 ) -> tuple[list[Json], list[Json]]:
     """Return a record of each estimate, and of each pair of estimates, for the JSON of a batch.
 
-    Parameters
-    ----------
-    common : DataFrame
-        Jobs that exist for all estimates.
-    column : str
-        Column of the label that is compared.
-    names : sequence of str
-        Names of the estimates, best first.
-    totals : Totals
-        Totals of these names.
+    `common` has the jobs that exist for all estimates. `names` are sorted, best first.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -875,9 +866,9 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Return the verdict on each pair of values, by their indices, and the place of each value.
+    """Return the verdict on each pair of values, and the place of each value.
 
-    Pairs of indices in `same` have the same data.
+    Pairs are pairs of indices. Those in `same` have the same data.
     """
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
@@ -970,7 +961,7 @@ def _with_intervals(
     order : float
         Order p of the metric.
     before : str
-        Prefix of the names of the fields.
+        Prefix of the names of the fields, as in `_difference`.
     per_step : bool
         Whether values are per step instead of combined.
     """

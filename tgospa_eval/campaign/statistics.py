@@ -2,7 +2,7 @@
 
 The sample is the set of truths. Jobs of one truth are added up, because they are not independent of
 each other. If there is only one truth, the sample is the set of its jobs. Copies of one run then
-count as one job.
+count as one job. Permutation tests exchange the values that they compare (see `Exchangeable`).
 """
 
 import itertools
@@ -95,9 +95,8 @@ def intervals(
 FEW_EVENTS = 10
 """Smallest number of runs with a cost above 0 for which intervals are those of the jackknife.
 
-The jackknife cannot estimate the spread of fewer costs. With fewer such runs, the intervals use the
-share of these runs (`rare_intervals`). If all runs have a cost above 0, the jackknife is always
-used.
+With fewer such runs, the jackknife cannot estimate the spread. The intervals then use the share of
+these runs (`rare_intervals`). If all runs have a cost above 0, the jackknife is always used.
 """
 
 
@@ -307,13 +306,13 @@ def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) ->
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """Split `count` draws of `size` numbers into portions, and yield the draws of each portion."""
+    """Split `count` draws of `size` numbers into portions, and yield the draws in each portion."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """Return the number of flips that a test of this many pairs tries; 0 with too few pairs."""
+    """Return the number of exchanges that a test of these pairs tries; 0 with too few pairs."""
     return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 

@@ -206,7 +206,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
 
 
 def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
-    """Yield each job whose steps contradict each other or its row, with a description."""
+    """Yield each job with contradictory steps, or with steps that do not fit its row, and why."""
     with np.errstate(over="ignore"):
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:

@@ -67,7 +67,7 @@ WITH_PREFIX = "with."
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
-    """Return the names of the other metrics with stored values, in the order of these columns."""
+    """Return the names of the other metrics that have stored values, in the order of `columns`."""
     inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
@@ -735,8 +735,8 @@ class _Runs:
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
         """Yield the steps of all N runs in batches of K times: indices and two masks, each (N, K).
 
-        The first mask is true where a run has a step. If steps are `carried`, it is also true after
-        this step, and the index is that of the last step so far. The second mask is true where a
+        The first mask is true where a run has a step. If steps are `carried`, it is also true at
+        later times, and the index is that of the last step so far. The second mask is true where a
         run counts.
         """
         ends = np.array([[0, len(self.times)]] * self.count)

@@ -7,8 +7,8 @@ A group fails if its value is above the limit, and if the choice of seeds is an 
 this. The choice is an unlikely reason in two cases:
 
 - A test is significant. It uses the scatter of the runs.
-- A rule on a total has a jump: one scene or run is far above the usual spread of its seeds
-  (`jumps`).
+- One scene or run is far above the usual spread of its seeds. Such a *jump* only counts for rules
+  on totals (see `jumps`).
 
 A group within its limit does not fail because of a jump. With `strict`, a group above its limit
 always fails. The sums are judged without a test in three cases: under absolute limits, for values
@@ -16,7 +16,7 @@ of assigned pairs, and if each scene of a group has only one run.
 
 A run in which the tracker failed is *dead*. A dead run always fails, whatever the limit is. The
 missed share of a run is the share of the ground-truth states that it misses. Let m be the largest
-missed share below 1 of the runs of a scene in the baseline:
+missed share that a run of the scene has in the baseline. Shares of 1 do not count for m.
 
 - A new run is dead if its missed share is above m + (1 - m) / 2.
 - If its missed share is a jump, it is dead above m + (1 - m) / 4.
@@ -73,7 +73,7 @@ FEWEST_RUNS = 5
 """Smallest number of runs for a test."""
 
 OF_ALL = 0.8
-"""Share of the test of all groups together in the error probability of a rule."""
+"""Share of the error probability of a rule that the test of all groups together has."""
 
 SHOWN = 5
 """Largest number of runs that a sentence names."""
