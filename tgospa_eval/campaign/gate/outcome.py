@@ -60,7 +60,8 @@ class PairOutcome:
     name, truth, estimate : str
         Name of the pair, and paths of its files.
     verdict : Verdict
-        The worst verdict of the findings, or the reason why there are no findings.
+        The worst verdict of the findings, without rules that only warn. If there are no findings,
+        the reason for this.
     status : int
         Exit status.
     findings : tuple of Finding
@@ -551,9 +552,9 @@ def accepting_options(
 ) -> list[str]:
     """Return the options with which ``gate`` accepts pairs that failed or are not comparable.
 
-    If every outcome has exit status 0, return the options that accept the improved pairs. If the
-    file of any pair is missing or wrong, the options remove no entry, and accept no group that is
-    not comparable.
+    If every outcome has exit status 0, return the options that accept the improved pairs. If a file
+    of a pair is missing or wrong, the options remove no entry, and accept no group that is not
+    comparable.
     """
     there = {pair.name: pair for pair in pairs}
     broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)
