@@ -109,8 +109,8 @@ class SceneRuns:
     paired : bool
         Whether the new runs and the entries have the same names.
     added : mapping of str to Measured
-        Further new runs, if `paired`. They have no entry in the baseline. Only the rule on dead
-        runs judges them.
+        Further new runs, if `paired`. They have no entry in the baseline. In the group, only the
+        rule on dead runs judges them.
     """
 
     name: str
