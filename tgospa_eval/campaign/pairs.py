@@ -1,7 +1,7 @@
 """Pairs to evaluate: from patterns, a manifest, the layout of a benchmark, or data in memory.
 
 A pattern is a path with fields in braces, such as ``{tracker}/{sequence}.txt``. This module works
-with paths and labels. It reads no data from data files, only the names of the runs in them.
+with paths and labels. It reads no trajectories. If a file has several runs, it reads their names.
 """
 
 import glob
@@ -53,7 +53,7 @@ class Job:
     Parameters
     ----------
     labels : mapping of str to str
-        Values that tell this job from others, by name of the field or of the manifest column.
+        Values of the labels, by name. They tell this job from others.
     truth, estimate : str
         Paths of truth and estimate.
     options : mapping
@@ -63,7 +63,7 @@ class Job:
     name : str
         Name of the job in the baseline of a gate.
     rules : dict of str to tuple of str
-        Rules ``fail-on``, ``warn-on`` and ``max`` that the suite of a gate sets.
+        Rules for this job from the suite of a gate, by option: ``fail-on``, ``warn-on``, ``max``.
     fault : str
         Reason why the gate does not judge the job, for example that no file matches its pattern.
     fault_is : str
@@ -71,9 +71,9 @@ class Job:
     is_new : bool
         Whether the job is new: the target of the gate lacks it.
     in_memory : mapping of str to object
-        Data in memory, with the keys ``truth`` and ``estimate``. If a key is present, the parameter
-        of the same name is a name instead of a path. The key ``mapping`` says which components of
-        arrays are compared.
+        Data in memory, under the keys ``truth`` and ``estimate``. For such data, the parameter
+        `truth` or `estimate` is a name to show, not a path. The key ``mapping`` says which
+        components of arrays are compared.
     digest : str
         Digest of the data in memory.
     """
@@ -93,7 +93,7 @@ class Job:
 
     @property
     def sides(self) -> tuple[Any, Any]:
-        """Truth and estimate: the data in memory, or else the path."""
+        """Truth and estimate, each as data in memory or as a path."""
         known = self.in_memory.get
         return known("truth", self.truth), known("estimate", self.estimate)
 
@@ -140,8 +140,9 @@ def match(
 ) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
     """Match both patterns, and return the field values of truths, the estimates, and notices.
 
-    Each estimate has its path and its field values. A truth without fields has one empty set of
-    values. Notices are about skipped files. The arguments are those of `of_patterns`.
+    An estimate is a tuple of its path and its field values. If the pattern of truths has no fields,
+    there is one truth without values. Notices are about skipped files. The arguments are those of
+    `of_patterns`.
     """
     truths, passed_over = patterns.match_files(truth, folders[0], output=output, inside=inside)
     estimates, more = patterns.match_files(
@@ -171,7 +172,7 @@ def of_patterns(
 ) -> BatchPlan:
     """Make a job for each estimate that matches its pattern.
 
-    The truth of a job has the same values of the fields that are in both patterns.
+    In each job, a field of the truth has the same value as this field of the estimate.
 
     Parameters
     ----------
@@ -227,7 +228,10 @@ def of_patterns(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Return whether the file of a path has data; for ``FILE.mat:Y{3}``, also this element."""
+    """Return whether a path has data.
+
+    For a path such as ``FILE.mat:Y{3}``, the file must also have this element.
+    """
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
     return _has_data(file) and has
@@ -250,12 +254,14 @@ def of_layout(
     sequences: Collection[str] = (),
     output: str | None = None,
 ) -> BatchPlan:
-    """Make the jobs of a benchmark from its folders; if `sequences` is empty, of all sequences.
+    """Make the jobs of a benchmark from its folders.
+
+    If `sequences` is empty, all sequences are used.
 
     Raises
     ------
     ConfigError
-        A folder has another layout. The message names folders above or below with this layout.
+        A folder does not have this layout. The message names nearby folders that have it.
     """
     shapes, folders = LAYOUTS[layout], (truth, trackers)
     wrong = [
@@ -298,7 +304,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
 
 
 def read_sequences(path: str) -> list[str]:
-    """Read the names of a seqmap, one per line below the heading ``name``."""
+    """Read the names of sequences from a seqmap, one per line; a heading ``name`` is left out."""
     names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
@@ -316,7 +322,7 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
     layout, truth : str
         Name of the layout, and folder of the truth.
     seqmap : str, optional
-        Seqmap of KITTI in which frames are searched first.
+        Seqmap of KITTI. It is searched before the seqmap in the folder of the truth.
 
     Raises
     ------
@@ -371,7 +377,7 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
     """Return the frames of these sequences from lines such as ``0000 empty 000000 000154``.
 
-    The last number is the one after the last frame: this sequence has the frames 0 to 153.
+    The last number is the last frame plus 1: this sequence has the frames 0 to 153.
     """
     frames: dict[str, tuple[int, int]] = {}
     for number, words in enumerate(_words(path), 1):
@@ -412,7 +418,10 @@ def _near_option(name: str, options: Collection[str]) -> str | None:
 
 
 def _differ_by_a_letter(short: str, long: str) -> bool:
-    """Return whether one letter differs, or is missing in the shorter text, except a plural s."""
+    """Return whether one letter differs, or whether the longer text has one more letter.
+
+    An s at the end, as in a plural, does not count as one more letter.
+    """
     if len(short) == len(long):
         return sum(a != b for a, b in zip(short, long, strict=True)) == 1
     return f"{short}s" != long and short in {long[:k] + long[k + 1 :] for k in range(len(long))}
@@ -487,9 +496,10 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
 def runs_in_memory(
     truth: Any, estimates: Mapping[str, Any]
 ) -> tuple[list[str], list[Any], dict[str, list[Any]]]:
-    """Return the names of the runs, the truth of each run, and for each estimate its data by run.
+    """Return the names of the runs, the truth of each run, and the runs of each estimate.
 
-    If neither the truth nor an estimate consists of runs, there is one run with a blank name.
+    A truth without runs is the truth of every run. If no estimate has runs either, there is one run
+    with a blank name.
 
     Raises
     ------
@@ -574,7 +584,8 @@ def of_memory(truth: Any, estimates: Any, mapping: Any = None) -> BatchPlan:
 
 
 # -------------------------------------------------------------------------------------------------
-# Runs of a comparison: each value of ``*``, or of the fields of the truth, is a run.
+# Runs of a comparison. Each text that ``*`` matches is a run. Without ``*``, each combination of
+# values of the fields of the truth is a run.
 
 Runs = list[tuple[str, list[str]]]
 """Path of the truth and paths of the estimates, for each run."""
@@ -648,7 +659,7 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
     Raises
     ------
     ConfigError, InputError
-        A pattern is wrong, as described by `compared_runs`.
+        A pattern matches no file, or patterns have different runs or fields.
     """
     paths = (truth, *estimates)
     marked = [path for path in paths if is_pattern(path)]
@@ -696,7 +707,7 @@ def _fields(path: str) -> list[str]:
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """Return the notice about hidden files that a pattern skips, by its kind; empty without one."""
+    """Return the notice about hidden files that a pattern skips, by its kind; empty without any."""
     if not is_pattern(pattern):
         return {}
     _, left = patterns.match_files(_shape(pattern), inside=runs_inside)
@@ -710,9 +721,9 @@ def _values(
     files: Iterable[tuple[str, Mapping[str, str]]] | None = None,
     notices: Iterable[str] = (),
 ) -> Iterator[Mapping[str, str]]:
-    """Yield the field values of each file in `files`, or else of each that matches the pattern.
+    """Yield the field values of each of the files, by default of all that match the pattern.
 
-    The error shows `notices`, too.
+    If there are no files, the error also shows `notices`.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""Proven order of several estimates of one truth, and the parts of their differences.
+"""Ranking of several estimates of the same truth, with proven differences.
 
 With several runs (Monte Carlo), costs are added over the runs, and roots are taken last. ``tgospa``
 is (mean total)^(1/p): for p = 2, the root mean square over runs. The normalised value is
 (sum of totals / sum of steps)^(1/p). The bounds of a sum are the sums of the bounds. All estimates
-have the same runs. ``tgospa``, the normalised value and the sum therefore order the estimates in
-the same way. Batches and gates also order by sums.
+have the same runs. Therefore ``tgospa``, the normalised value and the sum of totals give the same
+order of the estimates. In this module, a *record* is a part of a JSON document, as a dict.
 """
 
 import itertools
@@ -71,20 +71,20 @@ if TYPE_CHECKING:
 
 
 def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
-    """Evaluate each step of a result separately, by GOSPA and as other tools do.
+    """Evaluate each step of a result separately, by GOSPA and by the rules of other tools.
 
     Returns
     -------
-    tuple
-        First the sums over all steps, as a record for the JSON. Costs are in state units to the
-        power p. Then a dict with values of each step, in state units: ``gospa``, and the values
-        that other tools print for a step, by the name of their rule (``stone_soup``,
-        ``mathworks``).
+    record : dict
+        Sums over all steps. Costs are in state units to the power p.
+    values : dict of (T,) float arrays
+        Values of each step, in state units. ``gospa`` is GOSPA. ``stone_soup`` and ``mathworks``
+        are the values that these tools print.
     """
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
-    switch = 2 * scale * parameters.switch_price  # gamma^p, with a limit far above c^p
+    switch = 2 * scale * parameters.switch_price  # gamma^p, but at most 2e100 c^p
     entries, localisation, missed, false = per_step_gospa(problem)
     gospa = scale * (localisation + missed + false)
     track = partners(problem, entries)
@@ -128,9 +128,9 @@ def differences(document: Json, step: Json, steps: Sequence[int], order: float) 
     Parameters
     ----------
     document : dict
-        Record of the estimate with the numbers of TGOSPA.
+        Record of the estimate in a ranking.
     step : dict
-        Record of per-step GOSPA, as from `against`, averaged over the runs.
+        Records of `against`, averaged over the runs.
     steps : sequence of int
         Number of steps of each run.
     order : float
@@ -200,13 +200,13 @@ class RunOutcome:
     counts : dict
         Numbers of missed targets, false targets and switches.
     steps : dict of (T,) float arrays
-        For each of the T steps: costs by part, and if requested the values of `against` by name.
+        Costs of the T steps, by part. If requested, also the values of `against`, by name.
     timestamps, times : (T,) array and list
         Times of the steps as numbers, and as they were read.
     evaluated_on : mapping
-        Evaluated data, in the form of `Coverage.record`.
+        Description of the evaluated data, as in the JSON of a result.
     against : dict, optional
-        Record of per-step GOSPA, the first result of the function `against`.
+        Record of per-step GOSPA, from the function `against`.
     split : mapping of str to float
         Parts of the localisation cost, if the distance has parts.
     nees : NeesSums, optional
@@ -233,9 +233,10 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 
 
 def outcome(path: str, result: PairEvaluation, timestamps: Times, *, per_step: bool) -> RunOutcome:
-    """Return the numbers of a result, so that the result and its large problem can be freed.
+    """Return the numbers of a result that a ranking needs.
 
-    With `per_step`, the numbers of the function `against` are included.
+    The result itself takes much memory, and need not be kept. With `per_step`, the numbers of the
+    function `against` are included.
     """
     split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})
@@ -320,11 +321,11 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 
 
 SideBySide = tuple[list[Time], dict[str, Floats], Mask]
-"""Steps of N evaluations of one run: times, costs and a mask.
+"""Times, costs and a mask of N evaluations of one run.
 
-The T times are those of all evaluations together. The costs are arrays (N, T): one for each part of
-the cost, ``total``, and if requested the values of the function `against`, by name. Costs are 0
-where an evaluation lacks the step. The mask (N, T) is true where an evaluation has the step.
+There are T different times in all evaluations together. Costs are arrays (N, T) by name: each part
+of the cost, ``total``, and if requested the values of the function `against`. The mask (N, T) is
+true where an evaluation has the step. Elsewhere, the costs are 0.
 """
 
 
@@ -536,7 +537,10 @@ def ranking_document(
 
 
 def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
-    """Yield notices on a ranking whose distance uses covariances; `estimates` are in its order."""
+    """Yield notices on a ranking whose distance uses covariances.
+
+    `estimates` has the records of the estimates, best first.
+    """
     for item in estimates:
         if item.get(NEES):
             for notice in NeesSums(**item[NEES]["sums"]).warnings(item.get(SPREAD)):
@@ -597,7 +601,7 @@ def _estimate(
 
 
 def _means(records: Sequence[Json]) -> Json | None:
-    """Average numbers by name, also in nested records; None without records."""
+    """Return the mean of each number, also in nested records; None if there are no records."""
     if not records:
         return None
     means: Json = {}
@@ -619,8 +623,8 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
     """Return for each estimate the other metrics that all results have, and notices.
 
     `runs` has for each run the result of each estimate. The notices name metrics that are left out.
-    If there are several runs, all metrics are left out: they would be ratios of counts over all
-    runs, but results have only the ratios of each run.
+    With several runs, all metrics are left out. Their ratios would need the counts of all runs, but
+    results do not have these counts.
     """
     each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
     first = each[0] if len(runs) == 1 else {}
@@ -639,10 +643,10 @@ def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], 
 
 
 # -------------------------------------------------------------------------------------------------
-# Rankings of the values of a label of a batch, such as trackers: a proven and a statistical order.
+# Ranking of a batch by one label, such as the tracker: a proven and a statistical order.
 #
-# Jobs are compared if they differ only in this label, and if each value of the label has such a
-# job. The proven order compares brackets of the combined value on the files of these jobs. The
+# A ranking uses jobs that differ only in this label. Each value of the label must have such a job.
+# The proven order is about the files of these jobs: it compares brackets of combined values. The
 # statistical order is an inference about other truths of the same kind (`statistics`).
 
 
@@ -753,19 +757,16 @@ def _ranking(
 
 
 Totals = tuple[Floats, Floats, Floats]
-"""Lower and upper bounds of totals, both (names, truths), and their numbers of steps (truths,).
+"""Lower bounds of totals, upper bounds of totals, and numbers of steps, by unit (see `_units`).
 
-If there is only one truth, a job takes the place of a truth.
+The bounds have the shape (names, units), and the numbers of steps have the shape (units,).
 """
 
 
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
 ) -> tuple[list[str], Totals]:
-    """Return the names, best first, and their totals.
-
-    The totals are those of each truth. If there is only one truth, they are those of each job.
-    """
+    """Return the names, best first, and their totals."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
@@ -778,10 +779,11 @@ def _side_by_side(
 
 
 def _units(truth: Sequence[str], runs: Sequence[Sequence[str]]) -> Ints:
-    """Return for each job the number of its unit. A unit is a truth with all its jobs.
+    """Return the index of the unit of each job. The units are the sample of the statistics.
 
-    If there is only one truth, each job is a unit. Exception: jobs in which some name has the same
-    data are one unit. `runs` has for each name a text for the data of each job.
+    With several truths, a unit is a truth with all its jobs. With one truth, each job is a unit.
+    Exception: if an estimate has the same data in several jobs, these jobs are one unit. For each
+    estimate, `runs` has a text for each job. Jobs with the same data have the same text.
     """
     _, unit = np.unique(truth, return_inverse=True)
     if unit.any():
@@ -796,7 +798,8 @@ def _units(truth: Sequence[str], runs: Sequence[Sequence[str]]) -> Ints:
 def _per_unit(totals: tuple[Floats, Floats], unit: Ints, steps: Floats) -> Totals:
     """Add totals (names, jobs) and steps (jobs,) over the jobs of each unit.
 
-    Units are sorted by these numbers, so that the names of sequences or runs do not matter.
+    Units are sorted by these sums. Their order therefore does not depend on the names of sequences
+    or runs.
     """
     lower, upper = totals
     rows = np.concatenate([lower, upper, steps[None]])
@@ -813,16 +816,7 @@ def _orders(
 ) -> tuple[list[Json], list[Json]]:
     """Return a record of each estimate, and of each pair of estimates, for the JSON of a batch.
 
-    Parameters
-    ----------
-    common : DataFrame
-        Jobs that exist for all estimates.
-    column : str
-        Column of the label that is compared.
-    names : sequence of str
-        Names of the estimates, best first.
-    totals : Totals
-        Totals of these names.
+    `common` has the jobs that exist for all estimates. `names` are sorted, best first.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -872,9 +866,9 @@ def _orders(
 def _proven(
     values: Sequence[Interval], same: Collection[tuple[int, int]]
 ) -> tuple[dict[tuple[int, int], str], list[Places]]:
-    """Return the verdict on each pair of values, by their indices, and the place of each value.
+    """Return the verdict on each pair of values, and the place of each value.
 
-    Pairs of indices in `same` have the same data.
+    Pairs are pairs of indices. Those in `same` have the same data.
     """
     verdicts: dict[tuple[int, int], str] = {
         pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
@@ -902,7 +896,7 @@ def _data(
     ]
     if ESTIMATE_DIGEST not in table:
         return [[""] * sides[0].shape[1]] * len(names), sides[0], sides[1]
-    # Options of single jobs can change the value, so parameters are compared together with data.
+    # A job can have options of its own, which change the value. Digests include the parameters.
     options = {
         text: json.dumps(of_metric(json.loads(text)), sort_keys=True)
         for text in table["parameters"].unique()
@@ -914,7 +908,7 @@ def _data(
 def _same(
     names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
 ) -> set[tuple[int, int]]:
-    """Return the pairs of names with the same data, by their indices, each pair in both orders."""
+    """Return the names with the same data, as pairs of indices: both (a, b) and (b, a)."""
     brackets = [
         [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
         for ends in zip(lower.tolist(), upper.tolist(), strict=True)
@@ -933,9 +927,10 @@ UNTESTED: Json = dict.fromkeys(("p_value", "p_holm", "significant"))
 
 
 def _difference(same: bool, first: Interval, second: Interval, before: str = "") -> Json:
-    """Return the bracket of second minus first, and None for the ends of its confidence interval.
+    """Return fields with the bracket of second minus first, and with its confidence interval.
 
-    The names of the fields begin with `before`.
+    The interval is None until `_with_intervals` sets it. The names of the fields begin with
+    `before`.
     """
     difference = NOTHING if same else second_less_first(first, second)
     bracket = [difference.lower, difference.upper]
@@ -966,7 +961,7 @@ def _with_intervals(
     order : float
         Order p of the metric.
     before : str
-        Prefix of the names of the difference and its interval.
+        Prefix of the names of the fields, as in `_difference`.
     per_step : bool
         Whether values are per step instead of combined.
     """

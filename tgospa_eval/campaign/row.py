@@ -1,4 +1,4 @@
-"""Rows: numbers of one result by column, which stores keep, tables add up and gates judge."""
+"""Rows of stores, tables and gates. A row has the numbers of one result, by column."""
 
 import json
 from collections import Counter
@@ -128,8 +128,8 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 def job_name(row: Mapping[Any, Any]) -> str:
     """Return the name of a job: the values of its labels, and its own options.
 
-    Without labels, the path of the estimate is used. In the suite of a gate, a pair with the same
-    labels has the same name.
+    Without labels, the path of the estimate is used. A pair in the suite of a gate has the same
+    name as a job with the same labels.
     """
     labels = labels_of(row)
     own = labels.pop("options", "")
@@ -355,7 +355,7 @@ def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
-    """Return the rows with a column for each parameter in which jobs differ, and these columns.
+    """Return rows with a column for each parameter in which jobs differ, and the column names.
 
     Jobs with different parameters are never added up or compared. An added column has a dash where
     a job lacks the parameter or has no value.
@@ -395,14 +395,14 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     if TRUTH_DIGEST not in rows:
         return paths
     digests = rows[TRUTH_DIGEST]
-    # A failed job has no digest. It gets the digest of another job with the same file, if any.
+    # A failed job has no digest. If another job has the same file, the digest of that job is used.
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
 
 
 def run_ids(rows: "pd.DataFrame") -> "pd.Series[str]":
-    """Return a text for each job; copies, with the same data and parameters, have the same text."""
+    """Return a text for each job; jobs with the same data and parameters have the same text."""
     own = rows.index.to_series().astype(str)
     if ESTIMATE_DIGEST not in rows:
         return own
@@ -465,8 +465,8 @@ def pair_numbers(
     """Return a number for each job; jobs that can be compared have the same number.
 
     Jobs with the same number agree in truth, in `parameters`, and in all labels that are not in
-    `compared`. If two of these jobs would also agree in the labels in `compared`, all jobs with the
-    same number also agree in their own options.
+    `compared`. If any jobs with the same number also agree in the labels in `compared`, they differ
+    only in their own options. Jobs with different options then get different numbers.
 
     Parameters
     ----------

@@ -1,4 +1,8 @@
-"""Comparison of solvers, on one problem or on scenes of many sizes: errors, time and memory."""
+"""Comparison of solvers by their errors, time and memory.
+
+Solvers are compared on one problem, or on simulated scenes of many sizes. A *scene* is a simulated
+truth with the estimate of a simulated tracker.
+"""
 
 import itertools
 import math
@@ -47,7 +51,7 @@ RUN = (
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory", "entropic"),
 )
-"""Fields of the record of a run; if it failed, all after the first five are None or empty."""
+"""Fields of the record of a run. After a failure, all but the first five are None or empty."""
 
 STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 """Files of Linux: the first shows the memory of this process, the second resets its peak."""
@@ -55,6 +59,7 @@ STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs
 EXACT_STATES = 15_000
 """Number of states of one component for which the solver `exact` takes about a minute.
 
+These are the states of rows in the linear programme (docs/theory/reductions.md), not of targets.
 Times on one core, for scenes of the scenario `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994
 states 57 s, 18,951 states 39 s. The time grows about with the square of the number of states. With
 several components, the times of the components add up.
@@ -62,7 +67,7 @@ several components, the times of the components add up.
 
 
 def display_name(solver: str, epsilon: float | None) -> str:
-    """Return the name of a solver; if it has a temperature, add this with full precision."""
+    """Return the name of a solver, and its temperature in full precision if it has one."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -123,7 +128,7 @@ def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None =
 
 
 def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
-    """Return values of the problem with entropy, in units of the total; None without entropy."""
+    """Return values of the problem with entropy, in units of the total; None if there is none."""
     if solver.epsilon is None:
         return None
     limit = Limit.of(getattr(solver, "time_limit", None), progress)
@@ -139,7 +144,7 @@ def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Jso
 def memory(field: str) -> int | None:
     """Return the memory of this process in bytes: now (VmRSS) or at its peak (VmHWM).
 
-    It is known only on Linux; elsewhere, return None.
+    None on systems other than Linux.
     """
     try:
         lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()

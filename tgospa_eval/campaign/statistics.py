@@ -2,7 +2,7 @@
 
 The sample is the set of truths. Jobs of one truth are added up, because they are not independent of
 each other. If there is only one truth, the sample is the set of its jobs. Copies of one run then
-count as one job.
+count as one job. Permutation tests exchange the values that they compare (see `Exchangeable`).
 """
 
 import itertools
@@ -85,7 +85,7 @@ def intervals(
     )
     margin = margins(*(without_each(side, order, steps) for side in (lower, upper)))
     # The standard error of exact totals is at most value * sqrt(n / (n - 1)). Wide brackets can
-    # give a larger margin, so the margin is limited accordingly.
+    # give a larger margin. The margin is therefore limited to the one of this standard error.
     size = lower.shape[1]
     ratio = np.full(len(lower_value), student(size) * np.sqrt(size / (size - 1)))
     np.divide(margin, lower_value, out=ratio, where=margin < ratio * lower_value)
@@ -95,8 +95,8 @@ def intervals(
 FEW_EVENTS = 10
 """Smallest number of runs with a cost above 0 for which intervals are those of the jackknife.
 
-With fewer such runs, the intervals use their share (`rare_intervals`): the jackknife cannot
-estimate the spread of so few costs. If all runs have a cost above 0, the jackknife is always used.
+With fewer such runs, the jackknife cannot estimate the spread. The intervals then use the share of
+these runs (`rare_intervals`). If all runs have a cost above 0, the jackknife is always used.
 """
 
 
@@ -106,9 +106,10 @@ def rare_intervals(
     """Return confidence intervals of root mean squares, even if few runs have a cost above 0.
 
     With fewer than `FEW_EVENTS` such runs, the confidence interval of their share is computed
-    (Clopper and Pearson 1934). The ends of this interval are multiplied by costs: the lower end by
-    the smaller one, and the upper end by the larger one, of the mean cost of these runs and
-    `typical`. Then the roots are taken. docs/theory/intervals.md has the coverage in simulations.
+    (Clopper and Pearson 1934). There are two estimates of the cost of such a run: the mean over
+    these runs, and `typical`. The lower end of the interval is multiplied by the smaller estimate,
+    and the upper end by the larger one. Then the roots are taken. docs/theory/intervals.md has the
+    coverage in simulations.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ def student(pairs: int) -> float:
 
 
 def p_values(lower: Floats, upper: Floats) -> Floats:
-    """Return the two-sided p value of each sum of n differences, by flips of their signs.
+    """Return the two-sided p value of each sum of n differences, from flips of their signs.
 
     Parameters
     ----------
@@ -263,7 +264,8 @@ def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> 
             for row, (values, first) in zip(signs, strata, strict=True)
         )
         above += np.count_nonzero(sum(sampled) >= threshold, axis=0)
-    # The data without any exchange count as one more case: the random exchanges can lack it.
+    # The data without any exchange count as one more exchange, because they may not be among the
+    # random ones.
     sampled_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
     return sampled_shares
 
@@ -304,13 +306,13 @@ def _sampled(draws: int, signs: Floats, first: int, rng: np.random.Generator) ->
 
 
 def _portions(count: int, size: int) -> Iterator[int]:
-    """Split `count` draws of `size` numbers into portions, and yield the draws of each portion."""
+    """Split `count` draws of `size` numbers into portions, and yield the draws in each portion."""
     width = max(1, NUMBERS_AT_ONCE // size)
     yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
-    """Return the number of flips that a test of this many pairs tries; 0 with too few pairs."""
+    """Return the number of exchanges that a test of these pairs tries; 0 with too few pairs."""
     return 0 if pairs < MIN_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 

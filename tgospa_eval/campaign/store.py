@@ -105,11 +105,12 @@ def read_part(path: Path) -> Iterator[None]:
 def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """Return the fields about steps for the row of a job.
 
-    Without `per_step`, the fields say that no steps are stored. If steps are stored, they have
-    these columns: the time as it was read; the number of steps so far that count in values per
-    step; and costs in state units to the power p. For each step, the columns of the curve have the
-    value of an evaluation that ends at this step, and its bounds, as in `Result.curve`. These
-    columns are NaN if the curve was not requested.
+    Without `per_step`, the fields say that no steps are stored. Stored steps have these columns:
+
+    - the time as it was read
+    - the number of steps of the horizon so far
+    - costs in state units to the power p
+    - the curve, as in `Result.curve`; NaN if it was not requested
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
@@ -205,7 +206,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
 
 
 def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
-    """Yield each job whose steps contradict each other or its row, with a description."""
+    """Yield each job with contradictory steps, or with steps that do not fit its row, and why."""
     with np.errstate(over="ignore"):
         sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
     for name in COST_COLUMNS:
@@ -228,7 +229,7 @@ def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tup
 
 
 ALL_BYTES = 2**31 - 1
-"""Number of bytes to lock on Windows: a process that does all jobs locks so many of the lock file.
+"""Number of bytes of the lock file that a process locks on Windows if it does all jobs.
 
 A process that does one shard locks one byte.
 """
@@ -360,7 +361,8 @@ class Store:
                         f"{option('output', self.folder, short=True)}: is not empty and not a "
                         "batch; name another folder"
                     )
-                # Shards that begin at the same time write the same file, and compare it below.
+                # Shards can begin at the same time. They write the same file, which is compared
+                # with the settings of each shard.
                 write(settings)
             (self.folder / PART_FOLDER).mkdir(exist_ok=True)
         old, new = self.settings(), {**settings}
@@ -376,7 +378,7 @@ class Store:
                 f"{option('output', self.folder, short=True)}: has a batch with other settings: "
                 f"{'; '.join(differing)}; name another folder"
             )
-        if old.get("expected") != new.get("expected"):  # the jobs may be more than before
+        if old.get("expected") != new.get("expected"):  # jobs can be added
             write({**self.settings(), "expected": new["expected"]})
 
     def unfinished(self, done: int) -> str:

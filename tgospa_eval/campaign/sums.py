@@ -67,7 +67,7 @@ WITH_PREFIX = "with."
 
 
 def metrics_of(columns: Iterable[str]) -> list[str]:
-    """Return the names of the other metrics with stored values, in the order of these columns."""
+    """Return the names of the other metrics that have stored values, in the order of `columns`."""
     inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
@@ -153,8 +153,8 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
 
     The table of groups has a row for each group: its labels, the parameters in which jobs differ,
     sums of costs, and roots of these sums. A label with the name of another column keeps the prefix
-    ``label.``. ``jobs`` is the number of jobs with a value. ``expected`` is the number of jobs if
-    none were missing, judged by the jobs of similar groups.
+    ``label.``. ``jobs`` is the number of jobs with a value. ``expected`` is the number of jobs that
+    the group should have, estimated from similar groups.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     rows, parameters = with_parameters(rows)
     filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
-    # A failed job has no parameters, so it is in no group if parameters differ.
+    # A failed job has no parameters. If jobs have different parameters, it is in no group.
     heads, numbers = _groups(having if parameters else filled, by, parameters)
     own = numbers.loc[having.index]
     orders = having["order"].groupby(own).first()
@@ -266,9 +266,9 @@ def _expected(
     """Return the number of jobs that each group would have if no job were missing.
 
     Jobs of two groups correspond if they have the same truth, the same parameters and the same
-    labels except those in `by`. The truths can differ if each group has only one truth. Groups are
-    similar if some of their jobs correspond, or if both are similar to a third group. A group
-    should have every job that a similar group has.
+    labels except those in `by`. If each group has only one truth, the truths of the groups can
+    differ. Groups are similar if some of their jobs correspond, or if both are similar to a third
+    group. A group should have every job that a similar group has.
 
     Returns
     -------
@@ -289,7 +289,7 @@ def _expected(
 def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
     """Yield a line for each kind of warning about the data, then for each kind of notice.
 
-    The line names the first job with this message, and the number of other jobs.
+    Each line names the first job with this message, and the number of other jobs.
     """
     for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
         having = rows[rows[column].notna()] if column in rows else rows[:0]
@@ -311,7 +311,7 @@ def _warnings(row: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def _notices(row: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the notices about the files of a job, by their text without numbers."""
+    """Return the notices about the files of a job; the keys are their texts without numbers."""
     notices: dict[str, str] = {}
     for text in json.loads(row["notices"]):
         for role in ROLES:
@@ -326,7 +326,7 @@ BATCH_SAYS = "boxes are compared by their centres"
 
 
 def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
-    """Return, by index of the group, its slices, with costs added over its jobs.
+    """Return the slices of each group by its index, with costs added over its jobs.
 
     Groups without slices are left out.
 
@@ -350,9 +350,13 @@ def slices_of_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[
 # Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 #
 # By default, every run of a group counts at each time, with cost 0 at times without a step. A run
-# is under way from its first to its last step. In two cases it counts only while it is under way:
-# the time axis is given (`over`), or at most half of the runs are under way at any one time. Sums
-# over time and over runs are computed from left to right, with runs in the order of the jobs.
+# is under way from its first to its last step. In two cases a run counts only while it is under
+# way:
+#
+# - The time axis is given (`over`).
+# - At no time are more than half of the runs under way.
+#
+# Sums over time and over runs are computed from left to right, with runs in the order of the jobs.
 # Powers are computed by Python. A script that adds up single results therefore gets the same
 # doubles.
 
@@ -366,12 +370,15 @@ BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 """Number of resamples at or beyond each end of a band."""
 
 MAX_BANDED = 20_000
-"""Largest number of times for which runs with few times in common get bands."""
+"""Largest number of times for which runs get bands, if they have few times in common."""
 
 Bounds = tuple[Sequence[float], Sequence[float]]
 
 Line = tuple[list[float], Band | None]
-"""Root mean squares at each time, and their band; no band with too few runs or too many times."""
+"""Root mean squares at each time, and their band.
+
+With too few runs or too many times, the band is None.
+"""
 
 MIN_RUNS: Mapping[BandKind, int] = {
     "interval": statistics.MIN_PAIRS,
@@ -402,9 +409,9 @@ def rms_curves(
     band : str
         Kind of the bands around the curves.
     over : {"start", "stamps"}, optional
-        Time axis: time since the start of each run, or timestamps. The default is timestamps.
-        Exception: if at most half of the runs of a group are between their first and their last
-        step at any one time, the default is the time since the start.
+        Time axis: time since the start of each run, or timestamps. The default is timestamps, with
+        one exception. If at every time at most half of the runs of a group are between their first
+        and their last step, the default is the time since the start.
     """
     if steps is None:
         return [], []
@@ -425,7 +432,7 @@ def rms_curves(
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         about: list[str] = []
-        # A run counts if its steps are stored. A run without steps counts, too: its cost is 0.
+        # Runs with stored steps count. Runs that have no steps count, too, with cost 0.
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
@@ -466,7 +473,7 @@ def _curves(
 
     A curve is a tuple of its kind, its runs, lines by name, means by name, and bounds of the total
     (or None). `shown` has the arguments `band` and `over` of `rms_curves`, and the number of
-    different runs.
+    runs without copies.
     """
     runs = _Runs(steps, jobs, order, *shown)
     if shown[1] is None and runs.over == "start":
@@ -546,7 +553,7 @@ def _means(runs: "_Runs") -> dict[str, list[float]]:
 def _band(kind: BandKind, lower: Floats, upper: Floats, order: float, typical: float) -> Floats:
     """Return the two ends (2, K) of the band around the root mean square of N runs at K times.
 
-    `lower` and `upper` (N, K) are bounds of the costs. `typical` is that of `rare_intervals`.
+    `lower` and `upper` (N, K) are bounds of the costs. `rare_intervals` describes `typical`.
     """
     root = 1 / order
     if kind == "interval":
@@ -649,10 +656,10 @@ class _Runs:
 
     @cached_property
     def is_scattered(self) -> bool:
-        """True if, at more than half of all times, at most half of the runs have a step.
+        """True if the runs have few times in common.
 
-        A run counts only while it is under way: from its first to its last step. A time counts only
-        if several runs are under way.
+        This means: at more than half of the times, at most half of the runs have a step. A run
+        counts only from its first to its last step. A time counts only if several runs count.
         """
         size = len(self.times)
         inside = _running(self.place, self.slices, size)
@@ -666,7 +673,7 @@ class _Runs:
         return self.is_scattered and len(self.times) > MAX_BANDED
 
     def so_far(self, costs: Floats) -> Floats:
-        """Return costs (M, R) added up to each step, divided by the steps of the horizon so far."""
+        """Return running sums of costs (M, R), divided by the steps of the horizon so far."""
         sums = np.empty_like(costs)
         for own in self.slices:
             np.cumsum(costs[:, own], axis=1, out=sums[:, own])
@@ -674,7 +681,7 @@ class _Runs:
         return sums
 
     def sums(self, costs: Floats, *, carried: bool) -> Floats:
-        """Add costs (R,) over the runs, in their order, and return the sum at each time (T,).
+        """Return the sum of costs (R,) over the runs at each time (T,), in the order of the runs.
 
         If costs are `carried`, a run without a step at a time keeps the cost of its previous step.
         Otherwise its cost at this time is 0.
@@ -726,11 +733,11 @@ class _Runs:
         return self.rms(costs, carried=carried), band
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
-        """Yield the steps of all N runs at K times: indices and two masks, each (N, K).
+        """Yield the steps of all N runs in batches of K times: indices and two masks, each (N, K).
 
-        The times are split into batches of K. The first mask is true where a run has a step. If
-        steps are `carried`, a run without a step at a time keeps its previous one. The second mask
-        is true where a run counts.
+        The first mask is true where a run has a step. If steps are `carried`, it is also true at
+        later times, and the index is that of the last step so far. The second mask is true where a
+        run counts.
         """
         ends = np.array([[0, len(self.times)]] * self.count)
         if self.own_span:

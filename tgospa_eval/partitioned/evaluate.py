@@ -159,7 +159,7 @@ def evaluate_partitioned(
         Engine of the worker processes; by default this process does the work.
     kept : bool
         Whether the folder `work` is kept after the run. If it is not kept, the table of assigned
-        pairs is written without rows, because otherwise it would be as long as the data.
+        pairs is written without rows, because the full table is as long as the data.
     stopwatch : Stopwatch
         Stopwatch for the time of each stage.
     check : callable, optional
@@ -315,7 +315,7 @@ def _result(
     """
     request, sides, proof = plan.request, plan.sides, evaluated.proof
     for side, numbered in zip(sides, evaluated.tracks, strict=True):
-        if numbered.rows.sum() == side.steps.rows:  # if rows are left out, they may have other ids
+        if numbered.rows.sum() == side.steps.rows:  # rows that are left out can have other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -402,8 +402,8 @@ def _result(
 def tracking(evaluated: Evaluated, switches: float) -> tuple[Json, Floats]:
     """Return numbers for the summary, and the followed share of the steps of each truth.
 
-    Only those numbers are returned that follow from sums over assigned pairs and over tracks.
-    `switches` is the number of switches.
+    The numbers are those that follow from sums over assigned pairs and over tracks. `switches` is
+    the number of switches.
     """
     parameters = evaluated.proof.parameters
     cutoff, power = parameters.cutoff, 1 / parameters.order
@@ -524,9 +524,10 @@ def diagnose_middle(plan: BlockPlan, grid: Alignment) -> list[Notice]:
 
 
 def middle(rows: Ints, size: int) -> tuple[int, int]:
-    """Return the first and the last of the steps that have about `size` rows in the middle.
+    """Return the first and the last step of a middle part with about `size` rows.
 
-    `rows` has the number of rows of each step. The middle is the middle row, not the middle step.
+    `rows` has the number of rows of each step. The part is in the middle of the rows, not of the
+    steps.
     """
     after = np.cumsum(rows)
     half = int(after[-1]) // 2

@@ -47,7 +47,7 @@ PARQUET_SUFFIXES, CSV_SUFFIXES = (".parquet", ".pq"), (".csv", ".tsv")
 follow."""
 
 HIDDEN = ("_", ".")
-"""Characters with which the names of files and folders begin that are no data, such as _SUCCESS."""
+"""First characters of the names of files and folders that are not data, such as _SUCCESS."""
 
 NOT_IN_PARTS = "only Parquet and CSV are read in parts"
 
@@ -114,7 +114,7 @@ def state_of(stat: os.stat_result) -> tuple[int, ...]:
     """Return the size, two times and the inode number of a file, to see if it has changed.
 
     The times are those of the last modification and of the last status change. A program can set
-    back the first, but not the second. The number of the device is left out, because it may change
+    back the first, but not the second. The number of the device is left out, because it can change
     with each mount.
     """
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
@@ -181,7 +181,7 @@ Stretch = tuple[File, int, int]
 
 
 def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
-    """Empty the folder of work if the content of a file has changed since its results were made.
+    """Empty the folder of work if the content of a file has changed since the results were made.
 
     A changed file can have the same size and times as before. For this reason, all files are read
     and compared by their digests, whenever the work begins or continues.
@@ -198,8 +198,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     Returns
     -------
     str or None
-        A file that has changed, which means that all earlier results are removed; None if no file
-        has changed.
+        A file that has changed; None if no file has changed.
 
     Raises
     ------
@@ -208,7 +207,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     """
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = tempfile.mkdtemp(dir=kept.parent)  # a new folder, so that no digest is from earlier
+    fresh = tempfile.mkdtemp(dir=kept.parent)  # new, so that all digests are computed again
     batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
         os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
@@ -314,8 +313,9 @@ Moved = Callable[[str], str]
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
     """Yield the rows of a range of bytes in chunks, each with the index of its first row.
 
-    The range has the lines that begin in it. Indices count its rows from 0. Exception: a compressed
-    file is read as a whole, in chunks of about `end` bytes of unpacked text.
+    A line belongs to the range in which it begins. Indices count the rows of the range from 0.
+    Exception: a compressed file is read as a whole, in chunks of about `end` bytes of unpacked
+    text.
 
     Raises
     ------
@@ -471,8 +471,8 @@ def open_table(
     pyarrow.parquet.ParquetFile
         The open file.
     pyarrow.Schema
-        Columns of the file. If they lack a column that is needed, the keys of the folders of the
-        file follow as further columns.
+        Columns of the file. If a needed column is missing, the keys of the folders that contain the
+        file are added as columns.
     Roles
         Roles of the columns.
 
@@ -522,9 +522,9 @@ class FilePiece:
     file : File
         The file.
     begin, end : int
-        Index of the first row group or byte of the piece, and the index after the last one. The
-        piece of a compressed text is the whole file; there, `end` is the number of bytes of
-        unpacked text to read at a time.
+        Index of the first row group or byte of the piece, and the index after the last one. For a
+        compressed text, the piece is the whole file, and `end` is the number of bytes of unpacked
+        text to read at a time.
     text : bool
         Whether the file is a text.
     """

@@ -127,7 +127,7 @@ def make_shards(
     for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
-        # `root` has, for each node, the smallest node of its component in all batches so far.
+        # `root` has, for each track, the first track of its component in all batches so far.
         root = connected_components(root[truth], root[estimate + m], m + n)[root]
         again = several[0][truth] & several[1][estimate]
         once += len(again) - int(np.count_nonzero(again))
@@ -165,7 +165,8 @@ def _near_tracks(
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
     """Yield three arrays for each block, with an element for each of its pairs of tracks.
 
-    They have the global number of the truth, that of the estimate, and the number of entries.
+    The arrays are the global numbers of the truths, those of the estimates, and the numbers of
+    entries.
     """
     for block, *paths in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs, numbers = block.read("pairs"), [np.load(path) for path in paths]
@@ -281,8 +282,8 @@ class Stages:
     def prove(self, share: PartialSums, name: str) -> None:
         """Record the proven sums of some components, and update the displayed bounds.
 
-        The displayed upper bound counts all objects of the other components as unassigned, until
-        the sums of these components are recorded, too.
+        In the displayed upper bound, all objects of components without recorded sums count as
+        unassigned.
 
         Parameters
         ----------
@@ -331,8 +332,7 @@ def add_up(
     steps : int
         Number T of steps.
     constants : Problem
-        Result of `scan.constants`: a problem without entries that has the error fields of the
-        whole problem.
+        Result of `scan.constants`.
     parameters : Parameters
         Parameters of the metric.
 
@@ -417,8 +417,8 @@ SCANNED = "scan"
 """Subfolder of the folder of work, for the results of `scan`."""
 
 HEAVY = 50_000
-"""Largest number of entries of a task that is small. If a stage has several tasks and not all are
-small, workers start at once."""
+"""Largest number of entries of a small task. If a stage has several tasks, and one of them is
+larger, workers start at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -450,8 +450,7 @@ class Evaluated:
     iterations : int
         Sum of the solver's iterations of all shards.
     constants : Problem
-        Result of `scan.constants`: a problem without entries that has the error fields of the
-        whole problem.
+        Result of `scan.constants`.
     """
 
     proof: Costs

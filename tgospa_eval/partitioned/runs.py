@@ -129,7 +129,7 @@ def _merged(given: Sequence[Timestamps]) -> Timestamps:
 
 
 def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
-    """Concatenate times of several files. They become doubles if a file has doubles, else integers.
+    """Concatenate times of several files. If a file has doubles, the result has doubles.
 
     `parts` has the times and the name of each file.
 
@@ -184,8 +184,7 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
 def joined(parts: Sequence[Values]) -> Values:
     """Concatenate the values of an attribute. If a part has texts, numbers become empty texts.
 
-    Such an attribute is an error, unless the parts without texts only have missing values (see
-    `run_names`).
+    This is right for missing values. For other numbers, `run_names` raises an error.
     """
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]

@@ -47,7 +47,7 @@ def read_times(side: PartsSide, span: slice) -> Reading:
 
 
 def places(times: Times, first: float, last: float) -> slice:
-    """Return the slice of the sorted `times` that has those from `first` to `last`, inclusive."""
+    """Return the slice of the sorted `times` from `first` to `last`, both included."""
     begin = int(np.searchsorted(times, first, side="left"))
     return slice(begin, int(np.searchsorted(times, last, side="right")))
 
@@ -124,7 +124,7 @@ class BlockPlan:
 
     @cached_property
     def rows(self) -> Ints:
-        """Number of rows of both sides from the time of each step until before the next, (T,)."""
+        """Number of rows of both sides at each step and between it and the next step, (T,)."""
         rows = np.zeros(len(self.times), np.int64)
         if len(rows):
             for side, timestamps in zip(self.sides, self.timestamps, strict=True):
@@ -135,7 +135,7 @@ class BlockPlan:
 
     @cached_property
     def timestamps(self) -> tuple[Times, ...]:
-        """Times of both sides, where a time that is matched to a step is moved to the step."""
+        """Times of both sides; a time that is matched to a step is replaced by that of the step."""
         of_sides = []
         for side, step in zip(self.sides, self.step, strict=True):
             timestamps = side.times.astype(np.result_type(side.times, self.times))
@@ -186,7 +186,7 @@ def find_steps(
 ) -> tuple[Axis, Alignment, BlockPlan]:
     """Match the times of truth and estimate; return time axis, alignment, and plan of the blocks.
 
-    All three describe the steps. The alignment has the times of both sides on the steps.
+    In the alignment, each side has a row for each of its times that is matched to a step.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ both tracks in the block, and the number of steps of the block at which they are
 def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
 ) -> tuple[AlignedPair, tuple[int, int]]:
-    """Align both sides of a block on its steps; also return the number of rows of each at steps.
+    """Align both sides of a block on its steps, and count the rows of each side at steps.
 
     `sides` has the rows that were read for the block.
     """
@@ -304,13 +304,14 @@ class Scanned:
     folder: Path
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read one of the arrays that grow with the number of tracks, and are kept in a file.
+        """Read one of the arrays that are kept in a file, because they grow with the tracks.
 
-        ``"pairs"`` has the pairs of tracks that are near at some step (type PAIR). Three arrays
-        have an element for each truth with a row at a step: ``"truth_ids"`` is its id,
-        ``"truth_rows"`` the number of its rows at steps, and ``"truth_unjudged_rows"`` the number
-        of these that are not evaluated. The arrays ``"estimate_ids"``, ``"estimate_rows"`` and
-        ``"estimate_unjudged_rows"`` are the same for the estimates.
+        - ``"pairs"``: pairs of tracks that are near at some step (type PAIR)
+        - ``"truth_ids"``: id of each truth with a row at a step
+        - ``"truth_rows"``: number of rows of these truths at steps
+        - ``"truth_unjudged_rows"``: number of these rows that are not evaluated
+        - ``"estimate_ids"``, ``"estimate_rows"``, ``"estimate_unjudged_rows"``: the same for
+          estimates
         """
         with np.load(self.folder / "block.npz") as arrays:
             array: NDArray[Any] = arrays[name]
@@ -347,7 +348,7 @@ READ = "read.json"
 def scan(
     output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str]
 ) -> None:
-    """Read the rows of a block, search its near pairs, and write these and facts about the rows.
+    """Read the rows of a block, search its near pairs, and write pairs and facts about the rows.
 
     Parameters
     ----------

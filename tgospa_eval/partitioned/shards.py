@@ -28,8 +28,8 @@ ENTRY = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
 )
 """Type of an entry, which is a near pair of states. Its fields are the global numbers of the step
-and of both tracks, the cost (d / c)^p, and the bits `marks`. Before `sort_entries`, the numbers of
-the tracks are those in the block."""
+and of both tracks, the cost (d / c)^p, and the bits `marks`. Before `sort_entries`, tracks have
+their index in the block instead of the global number."""
 
 IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
 """Bits in the `marks` of an entry: its truth is ignored, its estimate is excused (see
@@ -79,7 +79,7 @@ class PartialSums(Breakdown):
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Lower and upper bound, not rounded outward. They are only used to show the progress."""
+        """Lower and upper bound, not rounded outward, to show the progress."""
         return math.fsum(self.lower), self.total
 
 
@@ -298,8 +298,8 @@ def tables_of(
 ) -> dict[str, Table]:
     """Return the tables of assigned pairs and of switches, by the names of their files.
 
-    `weights` is a feasible assignment. `first` and `numbers` are the arguments of `problem_of` from
-    which the problem was made. The tables have global numbers of steps and tracks.
+    `weights` is a feasible assignment. `first` and `numbers` are those that `problem_of` received.
+    The tables have global numbers of steps and tracks.
     """
     truths, estimates = numbers
     used = read_assigned(states, weights)

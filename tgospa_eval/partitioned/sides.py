@@ -1,9 +1,9 @@
 """One side that is read in parts: all its times at once, and its rows block by block.
 
-A side may have many files. A block has the same rows as if all files were one file, and
-`formats.read` had read the range of time of the block from it. The format of the files, their
-order, and overlaps of their times make no difference. The *index* of a side is a folder with its
-distinct times and its rows sorted by time (see `runs`).
+A side can have many files. A block has the rows that `formats.read` would read from one file with
+the rows of all files. The format of the files, their order, and overlaps of their times make no
+difference. The *index* of a side is a folder with its distinct times and its rows sorted by time
+(see `runs`).
 """
 
 import hashlib
@@ -200,7 +200,7 @@ def text_pieces(
 
 
 def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
-    """Check that the columns that are read from a file are those that are read from the first.
+    """Check that the same columns are read from a file and from the first file.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
 def _save_steps(
     timestamps: Timestamps, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, object]:
-    """Write the arrays of `SideSteps` into a folder, and return its fields that depend on options.
+    """Write the arrays of `SideSteps` into a folder, and return the fields that depend on options.
 
     `name` is the name of the side in messages.
     """
@@ -407,7 +407,7 @@ class PartsSide:
         """Read the rows from time `first` to `last`, both included.
 
         The result also has the numbers of rows that options leave out. It has no notices, because
-        they need these numbers of all blocks together (see `said`).
+        notices need the numbers of all blocks together (see `said`).
 
         Raises
         ------
@@ -513,7 +513,7 @@ def open_side(
     Parameters
     ----------
     path : path
-        A folder of Parquet or CSV files, which may have subfolders, or one such file.
+        A folder of Parquet or CSV files, also in subfolders, or one such file.
     options : ReadOptions
         Options for reading the files.
     role : {"truth", "estimate"}

@@ -325,7 +325,7 @@ def sums_beside(
     Returns
     -------
     dict of dict of arrays
-        For each name in `ORDER`, the columns of sums by their names.
+        For each name in `ORDER` (step, truth, estimate), the columns of sums by their names.
     NeesSums or None
         Sums of NEES over all pairs; None if the pairs have no NEES.
     """
@@ -415,7 +415,7 @@ def write_tables(
     assigned : sequence of Path
         Files of assigned pairs, each sorted by time.
     further : mapping
-        Further columns: for each name in `ORDER` (step, truth, estimate), those of this table.
+        Further columns of the tables of steps, truths and estimates, by the names in `ORDER`.
     assignments : bool
         Whether the table of assigned pairs has rows. With rows, it is as long as the data.
 

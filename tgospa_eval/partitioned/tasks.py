@@ -59,9 +59,8 @@ def run_tasks(
         Tasks by the paths of their outputs. Tasks begin in this order. An output must appear at its
         path only when it is complete: tasks write it by `writing` or `writing_folder`.
     engine : PersistentPool, optional
-        Pool that does the tasks. This process works first, until it has worked for as many seconds
-        as the `patience` of the pool. Then the pool does the rest. By default, this process does
-        all tasks.
+        Pool that does the tasks. This process works first, for as many seconds as the `patience` of
+        the pool. Then the pool does the rest. By default, this process does all tasks.
     done : callable
         Function that receives the path of each output as soon as it exists.
 
@@ -98,8 +97,8 @@ def run_tasks(
 def removing(work: Path, but: str = "") -> Iterator[None]:
     """Remove the folders in a folder of work, except the one named `but`.
 
-    The folders are renamed before the body of the ``with`` runs, and removed after it. The reason
-    is that a folder that is only partly removed, after an interruption, would look like finished
+    The folders are renamed before the body of the ``with`` runs, and removed after it. Without the
+    new names, a folder that is only partly removed after an interruption would look like finished
     work.
 
     Raises

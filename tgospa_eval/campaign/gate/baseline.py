@@ -247,8 +247,8 @@ def with_nights(entry: Json, before: Json | None) -> Json:
     """Add the values of the entry `before` to a new entry, as earlier nights.
 
     Nothing is added if the parameters or the data of the two entries differ. If both entries have
-    the same estimate, the newest night of `before` is left out: the new entry has the same values,
-    and values that are there twice show no spread.
+    the same estimate, the newest night of `before` is left out, because the new entry has the same
+    values.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
@@ -307,8 +307,8 @@ def number_in(values: Json, name: str | None, path: str) -> float:
 def lowest_in(values: Json, order: float, name: str | None, path: str) -> float:
     """Return the proven lower bound of a value, or the value if it has no bounds.
 
-    The bounds of a class are not stored. The lower bound of a class is computed with the gap of all
-    classes, because the gap of one class is not larger.
+    The bounds of a class are not stored. The difference between its bounds is at most that of all
+    classes together. The lower bound of a class is computed from this larger difference.
     """
     value, total = number_in(values, name, path), number_in(values, name, "total")
     if path not in PROVEN or not total:
@@ -358,8 +358,8 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     old = entry["judged"]
     wrong = incomparable({"now": now.evaluated_on, "the baseline": old})
-    # With these grids, the estimate does not change which steps of the truth count. A difference
-    # therefore means that the truth itself was changed.
+    # With the grids "union" and "truth", the estimate does not change which steps of the truth
+    # count. A difference therefore means that the truth itself was changed.
     if wrong and now.parameters["grid"] in ("union", "truth"):
         if all(
             old[name] == now.evaluated_on[name]

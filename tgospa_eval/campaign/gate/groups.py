@@ -1,25 +1,36 @@
 """Groups of a gate: runs with different seeds, added up and judged together.
 
-A group fails if its value is above the limit, and the choice of seeds is an unlikely reason. Two
-results show that the choice is an unlikely reason. The first is a significant test, which uses the
-scatter of the runs. The second is a jump, for rules on a total: one scene or run is far above the
-usual spread of its seeds (`jumps`). A group within its limit does not fail because of a jump. With
-`strict`, a group above its limit always fails. In three cases the sums are judged without a test:
-under absolute limits, for values of assigned pairs, and if each scene of a group has only one run.
+A *scene* is a set of runs that differ only in their seed. A *night* is an earlier evaluation whose
+values the baseline keeps.
 
-A run in which the tracker failed is dead. A dead run always fails, whatever the limit is. Let m be
-the largest share of its states that a run of the scene missed in the baseline; runs that missed all
-states do not count. A new run is dead if the share that it misses is above m + (1 - m) / 2. If this
-share is a jump, more than m + (1 - m) / 4 is enough. A run that missed all states in each night of
-the baseline is allowed to miss all states again.
+A group fails if its value is above the limit, and if the choice of seeds is an unlikely reason for
+this. The choice is an unlikely reason in two cases:
+
+- A test is significant. It uses the scatter of the runs.
+- One scene or run is far above the usual spread of its seeds. Such a *jump* only counts for rules
+  on totals (see `jumps`).
+
+A group within its limit does not fail because of a jump. With `strict`, a group above its limit
+always fails. The sums are judged without a test in three cases: under absolute limits, for values
+of assigned pairs, and if each scene of a group has only one run.
+
+A run in which the tracker failed is *dead*. A dead run always fails, whatever the limit is. The
+missed share of a run is the share of the ground-truth states that it misses. Let m be the largest
+missed share that a run of the scene has in the baseline. Shares of 1 do not count for m.
+
+- A new run is dead if its missed share is above m + (1 - m) / 2.
+- If its missed share is a jump, it is dead above m + (1 - m) / 4.
+- A run that missed all states in each night of the baseline is allowed to miss all states again.
 
 A table of a suite defines groups by one pattern. All groups of a table are also judged together, as
-one more group. This shows small changes that all groups have in common. `confidence` is that of the
-whole gate: a tracker that is as good as the limit fails in at most 1 - confidence of its gates, for
-any number of groups and rules. For this purpose, p values are adjusted (Holm 1979, with weights).
-Each rule of each table has the same share of the error probability 1 - confidence. Of this share,
-`OF_ALL` belongs to the test of all groups together. Single groups share the rest equally. The rest
-is small, because jumps also find large changes of a single group.
+one more group. This shows small changes that all groups have in common.
+
+`confidence` is that of the whole gate: a tracker that is as good as the limit fails in at most
+1 - confidence of its gates, for any number of groups and rules. For this purpose, p values are
+adjusted (Holm 1979, with weights). Each rule of each table has the same share of the error
+probability 1 - confidence. Of this share, `OF_ALL` belongs to the test of all groups together.
+Single groups share the rest equally. The rest is small, because jumps also find large changes of a
+single group.
 """
 
 import math
@@ -62,15 +73,15 @@ FEWEST_RUNS = 5
 """Smallest number of runs for a test."""
 
 OF_ALL = 0.8
-"""Share of the test of all groups together in the error probability of a rule."""
+"""Share of the error probability of a rule that the test of all groups together has."""
 
 SHOWN = 5
 """Largest number of runs that a sentence names."""
 
 MIN_STATES = 10
-"""Smallest number of ground-truth states of a dead run.
+"""Smallest number of ground-truth states with which a run can be dead.
 
-Exception: a run that reports no states can be dead with fewer.
+A run without any estimate can be dead with fewer states.
 """
 
 ALIVE = rules.Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
@@ -94,12 +105,12 @@ class SceneRuns:
     now : sequence of Measured
         New runs, in the order of their names.
     old : sequence of dict
-        Entries of the baseline. If `paired`, they are in the same order.
+        Entries of the baseline. If `paired`, they are in the order of `names`.
     paired : bool
         Whether the new runs and the entries have the same names.
     added : mapping of str to Measured
-        Further new runs, if `paired`. They have no entry in the baseline. Only the rule on dead
-        runs judges them.
+        Further new runs, if `paired`. They have no entry in the baseline. In the group, only the
+        rule on dead runs judges them.
     """
 
     name: str
@@ -122,7 +133,7 @@ class SceneRuns:
 
     @cached_property
     def tested(self) -> tuple[list[int], list[int]]:
-        """Indices of the runs that a test uses, new and of the baseline; copies are left out."""
+        """Indices in `now` and in `old` of the runs that a test uses; copies are left out."""
         sides = self.data
         if self.paired:
             kept = [k for k in range(len(self.now)) if all(s.index(s[k]) == k for s in sides)]
@@ -133,10 +144,7 @@ class SceneRuns:
         return first, second
 
     def missed(self) -> Rises:
-        """Return the rises of the missed shares of new runs above those of the baseline.
-
-        The missed share of a run is the share of the ground-truth states that it misses.
-        """
+        """Return the rises of the missed shares of new runs above those of the baseline."""
         nights = [
             np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
             for entry in self.old
@@ -214,7 +222,7 @@ class Group:
         return sum(len(scene.tested[0]) for scene in self.scenes)
 
     def warnings(self) -> Iterator[Notice]:
-        """Yield warnings about runs that are left out, and about copies."""
+        """Yield warnings about new runs that are not in the baseline, and about copies."""
         added = [name for scene in self.scenes for name in scene.added]
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
@@ -245,6 +253,11 @@ def judge_groups(
         Pairs that could not be evaluated, so that their groups cannot be judged.
     strict : bool
         Whether a group above its limit fails even if the choice of seeds can explain the excess.
+
+    Raises
+    ------
+    ConfigError
+        Two groups have the same name.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -284,7 +297,7 @@ def judge_groups(
         )
         for strata in (Summed.strata, Summed.better)
     )
-    # The tests that are not significant by Holm's method share the error probability.
+    # In Holm's method, the tests that are not significant share the error probability.
     errors = np.array([1 - confidence for _, confidence in tested])
     left = float(shares[worse > errors + 1e-12].sum())
     known = {
@@ -338,11 +351,11 @@ def _warned(one: PairOutcome, warnings: Sequence[Notice], *, strict: bool) -> Pa
 
 
 def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
-    """Return a sentence about each sum that has a jump, by Python's `id` of the sum.
+    """Return a sentence about each sum that has a jump; the keys are Python's `id` of the sums.
 
     `column` has the sums of one rule, one for each group. A rise is a jump if its p value is at
-    most `error`. Only values with a proven bracket can have jumps. Counts cannot: for small counts,
-    such as that of switches, the size of a rise says little.
+    most `error`. Only values with a proven bracket can have jumps. Counts cannot, because the size
+    of a rise says little for small counts.
     """
     if not column or column[0].part[1] not in rules.PROVEN:
         return {}
@@ -370,8 +383,8 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
 def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
     """Return notes about groups with so few runs that the statistical test can never fail them.
 
-    `labels` has the labels of the pairs by name. `nights` is the number of nights of the entry with
-    the fewest nights in the baseline.
+    `labels` has the labels of the pairs by name. `nights` is the smallest number of nights that an
+    entry of the baseline has.
     """
     notes = []
     columns = sum(len(table.rules) for table in tables)
@@ -502,7 +515,7 @@ def _group(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stratum:
-    """Values that a test can exchange: of all runs of one scene, or of one run and its nights.
+    """Values that a test can exchange. They belong to one scene, or to one run and its nights.
 
     Parameters
     ----------
@@ -527,16 +540,16 @@ class Stratum:
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """Return the stratum with all values divided by their mean, times the weight."""
+        """Return the stratum with all values divided by their mean and multiplied by the weight."""
         factor = self.weight / (abs(float(self.all.mean())) or 1.0)
         return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
 
     def scatter(self) -> tuple[float, float]:
         """Return the sum of squared deviations of single values, and its degrees of freedom.
 
-        Values are shares of their mean. Deviations are those from the mean of new values and
-        limits together (if `paired`, of each pair), because both have the same mean under the
-        hypothesis. Exchanges therefore do not change the results.
+        Values are divided by their mean. Under the hypothesis, new values and limits have the same
+        mean. Deviations are therefore those from the mean of both together; if `paired`, from the
+        mean of each pair. Exchanges do not change the results.
         """
         one = replace(self, weight=1.0).relative()
         if self.paired:
@@ -545,10 +558,10 @@ class Stratum:
 
     @property
     def variance(self) -> float:
-        """Estimated variance of the sum by which the new runs exceed their limits."""
+        """Estimated variance of the excess of the new runs over their limits, summed over runs."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        # New runs and baseline share one variance, because one of them can have a single run.
+        # One variance is estimated for new runs and baseline, because either can have a single run.
         squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
         count = len(self.now)
         return squares / self.freedom * count * (1 + count / len(self.allowed))
@@ -588,7 +601,7 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if the value is tested: any scene has several seeds, and the rule limits a change.
+        """True if the value is tested: a scene has several seeds, and the rule limits a change.
 
         Absolute limits and values of assigned pairs are not tested.
         """
@@ -633,9 +646,9 @@ class Summed:
         """Return the finding with an inference about the tracker, from runs with several seeds.
 
         `share` is the share of the error probability that this test has after Holm's method.
-        `p_values` has two p values, adjusted for all tests: of the test that the tracker is worse,
-        and of the test that it is better. `jump` is the sentence about a jump, or blank.
-        `judge_groups` describes `strict`.
+        `p_values` has two p values, adjusted for all tests. The first is for the test that the
+        tracker is worse, the second for the test that it is better. `jump` is the sentence about a
+        jump, or blank. `judge_groups` describes `strict`.
         """
         runs, level = self.group.tested, 1 - (1 - confidence) * share
         worse, better = p_values
@@ -659,7 +672,7 @@ class Summed:
         if verdict is rules.Verdict.FAIL and not (inference.supports(worse) or jump):
             verdict = rules.Verdict.FAIL if strict else rules.Verdict.NOISE
             if self.finding.now.lower >= base * (1 + noticed):
-                # If all runs had risen so much, the test would show it. So only few runs are worse.
+                # The test would detect a rise of all runs by this much. Only few runs are worse.
                 inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
@@ -677,8 +690,8 @@ class Summed:
 def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratum]:
     """Return the strata of a scene; copies of runs are left out.
 
-    If the runs are paired and the baseline has several nights, each run is a stratum. Otherwise the
-    scene is one stratum. `old` has the values of each run in the baseline, by night.
+    `old` has the values of each run in the baseline, by night. If the runs are paired and the
+    baseline has several nights, each run is a stratum. In other cases, the scene is one stratum.
     """
     first, second = scene.tested
     now, old, paired = now[first], [old[k] for k in second], scene.paired
@@ -694,8 +707,9 @@ def _strata(now: Floats, old: Sequence[Floats], scene: SceneRuns) -> list[Stratu
 def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
     """Return the strata of all scenes, with the weight 1 / variance of each scene.
 
-    The variance is that of values as shares of their mean. It is moderated as in the module
-    `jumps`: the median variance of all scenes counts as much as `PRIOR` values of the scene.
+    The variance is that of the values divided by their mean. As in the module `jumps`, the variance
+    of a scene is moderated: the median variance of all scenes counts as much as `PRIOR` values of
+    the scene.
     """
     sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
     squares, freedom = np.reshape(sums, (-1, 2)).T
@@ -847,10 +861,11 @@ def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
 def noticeable(strata: Sequence[Stratum], confidence: float, *, needed: int = 1) -> float:
     """Estimate how far all runs must rise above the limit so that the test detects the rise.
 
-    The rise is a share of the limit. The test detects it with the probability `POWER`. This is
-    estimated by Student's t, with the scatter of these runs. `needed` is the smallest number of
-    runs for a test. With exactly this number, each run has to be above the limit. The rise is
-    infinite in three cases: with fewer runs, without degrees of freedom, and with limits of 0.
+    The rise is a share of the limit. The test detects a rise of this size with the probability
+    `POWER`. The rise is estimated by Student's t, from the scatter of these runs. `needed` is the
+    smallest number of runs for a test. With exactly this number, each run has to be above the
+    limit. The rise is infinite in three cases: with fewer runs, without degrees of freedom, and
+    with limits of 0.
     """
     strata = [one.relative() for one in strata]
     freedom = sum(one.freedom for one in strata if one.freedom > 0)

@@ -94,13 +94,15 @@ def tables_of(
 def rules_of(
     gate: GateOptions, pair: Job, *, baseline: bool = True, default: bool = True
 ) -> list[Rule]:
-    """Return the rules of a pair; with `default`, the default rule applies if no rule is given.
+    """Return the rules of a pair.
+
+    With `default` and a baseline, the default rule applies if no rule ``fail-on`` is given.
 
     Raises
     ------
     ConfigError
-        A rule is wrong. Or `default` is true and there is no baseline, although one is needed: a
-        rule compares with the baseline, or no rule is given.
+        A rule is wrong, or a needed baseline is missing. With `default`, a baseline is needed if a
+        rule compares with it, or if no rule is given.
     """
     own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
     suite = {key: pair.rules.get(key, ()) for key in own}
@@ -167,7 +169,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
-    """Yield all pairs; a pair gets a fault if its estimate is older than `since`, a time or a file.
+    """Yield all pairs; a pair gets a fault if its estimate is older than the file or time `since`.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Jumps: scenes and runs far above the usual spread of their seeds, found even with few seeds.
 
-The permutation test of `groups` makes no assumption about scatter. With few runs it therefore shows
-little: with six runs, the smallest p value is 1/64. A jump is recognised by its size instead. The
-size is that of transformed values: logarithms of costs, and arcsines of the roots of missed shares.
-A missed share is the share of its ground-truth states that a run misses. Three assumptions are
-needed:
+The permutation test of `groups` makes no assumption about scatter. With few runs, this test
+therefore shows little: with six runs, its smallest p value is 1/64. A jump is recognised by its
+size instead. Before sizes are compared, costs are replaced by their logarithms. The missed share of
+a run is the share of the ground-truth states that it misses. Missed shares are replaced by the
+arcsine of their square root. Three assumptions are needed:
 
 - The transformed values scatter equally from night to night, in all runs of a scene.
 - Their distribution is about normal.
@@ -12,11 +12,13 @@ needed:
 
 The variance of a scene is estimated from its own runs, and moderated by the other scenes (Smyth
 2004): the median of their variances counts as much as `PRIOR` values of the scene. The p value is
-that of Student's t, with the degrees of freedom of the scene and of the other scenes added. This
-allows for heavy tails, and for scenes that scatter more. If the baseline has several nights, there
-is one more condition for the jump of a run: it must be larger than any rise of a night of the
-baseline above the other nights of the same run. tests/support/nights.py measures the error with
-simulated trackers.
+that of Student's t. Its degrees of freedom are those of the scene plus those of the other scenes,
+which are at most `PRIOR`. Student's t allows for heavy tails, and for scenes that scatter more.
+
+A *night* is an earlier evaluation whose values the baseline keeps. If the baseline has several
+nights, the jump of a run must also be larger than all rises within the baseline. Such a rise is
+that of one night above the other nights of the same run. tests/support/nights.py measures the error
+with simulated trackers.
 """
 
 import math
@@ -63,7 +65,8 @@ The number is a share of the mean of the scene.
 class Rises:
     """Rises of the new runs of a scene above their limits.
 
-    A rise is the difference of two logarithms or arcsines, so that all runs scatter equally.
+    A rise is a difference of logarithms (of costs) or of arcsines (of missed shares). Such
+    differences scatter about equally in all runs of a scene.
 
     Parameters
     ----------
@@ -112,9 +115,8 @@ class Rises:
     def of_missed(cls, now: Floats, old: Sequence[Floats], states: float, *, paired: bool) -> Self:
         """Return the rises of the missed shares of new runs above those of the baseline.
 
-        The missed share of a run is the share of the ground-truth states that it misses. `old` has
-        the shares of each run of the baseline, by night. `states` is the mean number of
-        ground-truth states of a run.
+        `old` has the missed shares of each run of the baseline, by night. `states` is the mean
+        number of ground-truth states of a run.
         """
         now, *nights = (np.arcsin(np.sqrt(np.clip(share, 0, 1))) for share in (now, *old))
         return cls._of(now, nights, paired, 0.5 / math.sqrt(states))
@@ -133,7 +135,8 @@ class Rises:
             of_mean = 1 / len(now) + size[0] - 1
         several = [(night, len(night)) for night in nights if len(night) > 1]
         # The rise above the mean of the other nights is n / (n - 1) times the rise above the mean
-        # of all n nights. In units of the variance of a value, its variance is also n / (n - 1).
+        # of all n nights. The variance of the former is also n / (n - 1), in units of the variance
+        # of a value.
         above = (float((night.max() - night.mean()) * (n / (n - 1)) ** 0.5) for night, n in several)
         return cls(
             rises=now - means,
@@ -165,7 +168,7 @@ def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
     known = [one for one in scenes if one is not None]
     squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
     # Only the median of these variances is used. Sums of squares are therefore divided by the
-    # median of chi-square. The degrees of freedom, its mean, would be too large.
+    # median of chi-square. The mean of chi-square, the degrees of freedom, would be too large.
     variances = np.divide(
         squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
     )
@@ -203,7 +206,7 @@ def _p_value(
 
     `size` is the variance of the rise, in units of the variance of one value. `scatter` has the sum
     of squares of the scene and its degrees of freedom. `beside` has the degrees of freedom and the
-    variance that stand for the other scenes.
+    median variance of the other scenes.
     """
     from scipy.special import stdtr  # lazy: slow to import
 

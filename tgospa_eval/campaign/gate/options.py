@@ -17,7 +17,7 @@ _gate = partial(setting, "Gate", stored=False)
 class GateOptions(Values):
     """Rules to judge by, settings of the evaluation, and files to write.
 
-    A value comes from the first of these that has it: flag, environment, suite, configuration file,
+    The value of an option is searched in this order: flag, environment, suite, configuration file,
     baseline, default. `evaluation` has the options of the evaluation by name. `sources` says where
     the value of each parameter comes from: ``commandline``, ``environment``, ``default_map`` (a
     configuration file) or ``default``. `typed` has the arguments of the command line, for commands

@@ -60,7 +60,8 @@ class PairOutcome:
     name, truth, estimate : str
         Name of the pair, and paths of its files.
     verdict : Verdict
-        The worst verdict of the findings, or the reason why there are no findings.
+        The worst verdict of the findings, without rules that only warn. If there are no findings,
+        the reason for this.
     status : int
         Exit status.
     findings : tuple of Finding
@@ -134,12 +135,12 @@ class Report:
     version : str
         Version of the program.
     again : tuple of str
-        Words of the command that accepts the outcomes (see `accepting_options`), if there is one.
+        Words of the command that accepts the outcomes (see `accepting_options`); empty without one.
     settings_file : SettingsFile, optional
         The configuration file that set options.
     against : str
-        Git revision or folder with the suite and the baseline by which pairs are judged; blank if
-        they are those of the working tree.
+        Git revision or folder with the suite and the baseline by which pairs are judged. It is
+        blank if suite and baseline are those of the working tree.
     tally : mapping of str to int
         Numbers of entries that an update renewed, kept and removed.
     notices : tuple of str
@@ -201,8 +202,8 @@ def evaluated_outcome(
     """Return the outcome of a pair: its result is judged against its entry of the baseline.
 
     Without an entry, all rules must be absolute limits. `noisy` is true if the pair is one run
-    among several seeds: a single run cannot show an improvement. `about` has further fields of the
-    outcome.
+    among several seeds, because such a run cannot show an improvement. `about` has further fields
+    of the outcome.
     """
     reasons = differences(entry, now) if entry else []
     if reasons:
@@ -337,7 +338,7 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
 
 
 def _open(gap: float) -> Iterator[str]:
-    """Yield a note on a baseline with this relative gap, unless it is exact."""
+    """Yield a note if a baseline with this relative gap is not exact."""
     if gap > OPEN:
         yield (
             f"the baseline is not exact, relative gap {gap:.2g}: limits and changes in per cent "
@@ -422,7 +423,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
 
 
 def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
-    """Yield a note with the parts of the cost that changed, according to the split."""
+    """Yield a note with the parts of the cost that changed."""
     moved = [
         f"{path} {number(old[path], 7)} -> {number(values[path].upper, 7)}"
         for path in PARTS
@@ -490,7 +491,7 @@ def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, 
 def texts(*numbers: float) -> list[str]:
     """Format numbers with enough digits that different numbers look different.
 
-    Numbers that agree to 12 digits count as equal, because outward rounding changes the last ones.
+    Numbers that agree to 12 digits count as equal, because outward rounding changes later digits.
     """
     differ = len({f"{value:.12g}" for value in numbers})
     for digits in (7, 10):
@@ -551,9 +552,9 @@ def accepting_options(
 ) -> list[str]:
     """Return the options with which ``gate`` accepts pairs that failed or are not comparable.
 
-    If every outcome has exit status 0, return the options that accept the improved pairs. If the
-    file of any pair is missing or wrong, the options remove no entry, and accept no group that is
-    not comparable.
+    If every outcome has exit status 0, return the options that accept the improved pairs. If a file
+    of a pair is missing or wrong, the options remove no entry, and accept no group that is not
+    comparable.
     """
     there = {pair.name: pair for pair in pairs}
     broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)

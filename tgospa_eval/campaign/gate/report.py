@@ -1,4 +1,4 @@
-"""Reports of a gate: table of 80 columns, JSON, Markdown, GitHub, JUnit XML and pages."""
+"""Reports of a gate: table of 80 characters, JSON, Markdown, GitHub, JUnit XML and pages."""
 
 import math
 import os
@@ -91,7 +91,8 @@ def rows_of(
 def table(report: Report, width: int = table_text.WIDTH) -> str:
     """Return a table of the rules of all pairs, and notes.
 
-    If there are many rows, rules that pass are left out. An update then shows only totals.
+    With more than `MANY_ROWS` rows, rules that pass are left out. For an update with so many rows,
+    only totals are shown.
     """
     updated = report.verdict is Verdict.UPDATED
     all_rows = list(rows_of(report))
@@ -138,8 +139,8 @@ MANY_ROWS = 40
 def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
     """Yield the notes on pairs, each sentence once, with the names of its pairs.
 
-    Notes of errors are left out here, because the command prints them to stderr. Reports that are
-    read without stderr, such as Markdown, add them themselves.
+    Notes of errors are left out, because the command prints them to stderr. Some reports, such as
+    Markdown, are read without stderr. They add the notes of errors.
     """
     titles: dict[str, list[str]] = {}
     for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
@@ -185,7 +186,7 @@ def _prefix(names: Sequence[str]) -> str:
 
 
 def _common(parts: Sequence[Sequence[str]]) -> int:
-    """Count the first parts that all names share; the last part of a name never counts."""
+    """Return the number of leading parts that all names share; the last part never counts."""
     same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
@@ -197,7 +198,7 @@ def accept_title(report: Report) -> str:
 
 
 IN_NOISE = "in noise"
-"""Verdict on a group above its limit, if the choice of random seeds alone can explain this."""
+"""Verdict on a group above its limit, if the choice of random seeds can explain the excess."""
 
 QUIET = (Verdict.PASS, IN_NOISE)
 
@@ -341,7 +342,7 @@ def advice_lines(report: Report) -> list[str]:
 
 
 FOLDED = 5
-"""Number of passing rules above which Markdown folds them."""
+"""Largest number of passing rules that Markdown shows without folding them."""
 
 
 def change(values: tuple[float | None, ...]) -> str | None:
@@ -438,7 +439,7 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    # The command that accepts the values is kept, unless it would take more than half of the room.
+    # The command that accepts the values is kept if it takes at most half of the room.
     advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
     advice = b"" if 2 * len(advice) > room else advice
     room -= len(TRUNCATED.encode()) + len(END) + len(advice)
@@ -473,8 +474,8 @@ PAGE = "gate.html"
 def junit(report: Report, folder: str | None = None) -> str:
     """Return the report as an XML document.
 
-    If a finding of an outcome does not pass, the first case of the outcome names a page in `folder`
-    as an attachment: the page of the outcome, or else the page of all pairs.
+    If a finding of an outcome does not pass, the first case of the outcome has an attachment. It
+    names a page in `folder`: the page of the outcome if there is one, else the page of all pairs.
     """
     cases: list[str] = []
     for outcome in report.outcomes:
@@ -571,7 +572,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
     report : Report
         Report of the gate.
     seed : str
-        Name of the label with the random seed. Runs that differ only in it are of one scene.
+        Name of the label with the random seed. Runs that differ only in this label are one scene.
     """
     pages = {one.page_name: one.page for one in report.outcomes if one.page}
     return {

@@ -86,7 +86,8 @@ SEVERITY = (
 )
 """Exit statuses, the worst first.
 
-A proven regression comes first: a pipeline that tolerates the status 2 or 4 must still fail for it.
+A proven regression comes first: a pipeline that tolerates the status 2 or 4 must still fail for a
+regression.
 """
 
 
@@ -102,7 +103,7 @@ class Value(Interval):
     Parameters
     ----------
     lower, upper : float
-        The bounds. For a value that is not proven, both are the reported number.
+        The bounds. If the value is not proven, both are the reported number.
     proven : bool
         Whether the bounds are proven.
     unit : float
@@ -170,7 +171,7 @@ class Rule:
 
 
 DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=MIN_SLACK)
-"""The rule that applies if no rule is given."""
+"""The rule that applies if no rule ``fail-on`` is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,7 +264,7 @@ class Finding:
 
     @property
     def warning(self) -> bool:
-        """True if the rule is one that only warns, and if it is broken or undecided."""
+        """True if the rule only warns, and is broken or undecided."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property

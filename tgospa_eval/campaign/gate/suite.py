@@ -120,7 +120,7 @@ class Target:
 
     @cached_property
     def _files(self) -> list[str]:
-        """Path of each file of the target, as it is in the working tree."""
+        """Path that each file of the target has in the working tree."""
         if self.commit:
             tree = ("ls-tree", "-r", "-z", "--name-only", "--full-tree", self.commit)
             return self._listed(*tree)
@@ -318,7 +318,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
 
 
 def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
-    """Return all pairs, with the rules of a table of limits added to the pairs that it matches."""
+    """Add the rules of a table of limits to the pairs that match it, and return all pairs."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
     if not any(fnmatchcase(pair.name, match) for pair in pairs):
@@ -330,7 +330,7 @@ def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
 
 
 def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
-    """Add the rules `own` to other rules; exception: ``fail-on`` in `own` replaces the other."""
+    """Add the rules `own` to `rules`. Rules ``fail-on`` in `own` replace those in `rules`."""
     merged = dict(rules)
     for key, texts in own.items():
         merged[key] = texts if key == "fail-on" else (*merged.get(key, ()), *texts)
@@ -405,9 +405,9 @@ def _pairs(
 ) -> Iterator[Job]:
     """Yield the pairs of a table.
 
-    Only estimates have some fields, such as ``{tracker}``. Each truth makes a pair with each
-    combination of the values of these fields. `common` has options and rules for all pairs. Notices
-    of skipped files are added to `notices`.
+    Some fields, such as ``{tracker}``, are only in the pattern of the estimates. Each truth makes a
+    pair with each combination of values of these fields. `common` has options and rules for all
+    pairs. Notices of skipped files are added to `notices`.
     """
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
@@ -461,8 +461,8 @@ def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
     for path in target.missing if needed | given else ():
         own = patterns.values_of(truth, folder, path)
-        # An estimate without fields of its own is expected for each truth. If such an estimate is
-        # missing, the pair of its truth shows this.
+        # If estimates have no fields of their own, each truth has a pair, even without an estimate.
+        # A missing estimate is then reported by this pair.
         other = patterns.values_of(estimate, folder, path) if given > needed else None
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
