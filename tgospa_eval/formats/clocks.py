@@ -268,13 +268,14 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
 
 
 CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S%f"}
-"""Format of a date that is written as one number, by its digits."""
+"""Format of a date that is written as one number, by its number of digits."""
 
 
 def calendar_format(timestamps: TimeArray) -> str:
     """Return the format of numbers that look like dates, such as 20260301120058.
 
-    The result is blank if not all numbers are dates, and ``"?"`` if only some have fractions.
+    The result is blank if a number is not a date. It is ``"?"`` if some of the numbers have
+    fractions of a second and others are integers.
     """
     if len(timestamps) < 2 or not 1.9e7 < timestamps[0] <= timestamps[-1] < 2.2e16:
         return ""
@@ -298,8 +299,8 @@ def _day_of(time: float) -> int:
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
     """Read numeric times as times since 1970, in the unit that their size suggests.
 
-    `side` has the trajectories with these times: the truth or the estimate. Return it with the new
-    times, and the unit. If no unit fits, it is unchanged, and the unit is blank.
+    Return the trajectories `side` with the new times, and the unit. If no unit fits, `side` is
+    unchanged, and the unit is blank.
     """
     ends = [abs(float(side.times[k])) for k in (0, -1)]
     scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}

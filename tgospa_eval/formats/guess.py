@@ -282,8 +282,8 @@ COMMENTS = ("#", "%", "//")
 def foreign(line: str) -> str:
     """Return what a first line seems to be instead of a header, with a remedy; blank if unknown.
 
-    The line must be one that is not understood as a header, as a header can begin with the same
-    marks.
+    Call this only for a line that is not understood as a header, because a header can begin with
+    the same marks.
     """
     line = line.strip()
     if line.startswith(COMMENTS):

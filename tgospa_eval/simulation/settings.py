@@ -39,8 +39,8 @@ class StudySetting:
     spread : float
         Variance of positions and velocities at this point.
     motion : float
-        Intensity q of the white acceleration. Its covariance in a step of 1 s is
-        q (1/3, 1/2; 1/2, 1) in each coordinate.
+        Intensity q of the white acceleration. In a step of 1 s, position and velocity have random
+        changes with the covariance q (1/3, 1/2; 1/2, 1) in each coordinate.
     noise : float
         Variance of each coordinate of a measurement.
     detection : float
