@@ -202,9 +202,9 @@ class Trials:
         """Return masks of the objects and tracks that an edit touches, and of their components.
 
         The edit touches a component if it changes a track of the component. If the estimate can
-        have new rows, the edit also touches each component that has an object near a changed track
-        after the edit. `after` is the estimate after the edit, with R rows. `track` (R,) has, for
-        each row, the index of its track in the edit (see `_numbers`).
+        have new rows, an object can be near a changed track only after the edit. The edit touches
+        the components of these objects, too. `after` is the estimate after the edit, with R rows.
+        `track` (R,) has, for each row, the index of its track in the edit (see `_numbers`).
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)

@@ -292,7 +292,7 @@ def calendar_format(timestamps: TimeArray) -> str:
 
 
 def _day_of(time: float) -> int:
-    """Return the length of a day in the likely unit of a time of day, which is s, ms, us or ns."""
+    """Return the length of a day in the likely unit of a time of day: s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 

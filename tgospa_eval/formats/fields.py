@@ -166,8 +166,8 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
     Raises
     ------
     TimeError
-        A text is blank, not a time, infinite, of another kind than the first text, or an integer
-        that a double cannot represent.
+        A text is blank, infinite or not a time. Or it is of another kind than the first text, or an
+        integer that a double cannot represent.
     """
     joined = "".join(texts)
     if joined.isascii() and "_" not in joined:

@@ -256,8 +256,13 @@ Smaller numbers are taken for speeds, or for sizes in metres."""
 def _is_motchallenge(lines: Iterable[str]) -> bool:
     """Return whether lines are of MOTChallenge.
 
-    More than half of them must have integers as frame and id, more than half a box in pixels, and
-    more than half a flag and a class. Mistakes in single lines are reported by the reader.
+    Each of these must be true for more than half of the lines:
+
+    - Frame and id are integers.
+    - The box is in pixels.
+    - Columns 7 and 8 are a flag and a class, if there are 8 or 9 columns.
+
+    The reader reports mistakes in single lines.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]

@@ -475,12 +475,7 @@ def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
 class _Sets:
     """Sets of trajectories of a file: structures, elements of cells, and arrays.
 
-    Parameters
-    ----------
-    file : str
-        Path of the file, without the name of a variable.
-    variables : Variables
-        Variables of the file.
+    `file` is the path of the file, without the name of a variable.
     """
 
     def __init__(self, file: str, variables: Variables) -> None:
@@ -580,8 +575,8 @@ class _Sets:
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
         """Check that truth and estimate are different variables, if they are in this file.
 
-        `sides` has the path, file and role of both. It is empty if no check is needed, because both
-        paths name a variable, or truth and estimate are in two files.
+        `sides` has the path, file and role of both. It is empty if truth and estimate are in two
+        files, or if both paths name a variable. Then no check is needed.
 
         Raises
         ------

@@ -413,9 +413,9 @@ class ReadOptions:
         Headers of columns in which all positions are unknown. Such a column is part of the state
         only if the user maps it.
     heights : {"", "tell", "use"}
-        What to do with a column of heights (for positions on the Earth) or elevations (for
-        positions by range and bearing) that the user did not name: ``"use"`` makes it part of the
-        state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
+        Use of a column of heights or elevations that the user did not name. ``"use"`` makes it part
+        of the state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
+        Positions on the Earth have heights, and positions by range and bearing have elevations.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str

@@ -156,8 +156,8 @@ class Reading:
     pixels : bool
         Whether the states are centres of boxes in an image, as the format says.
     idle : tuple of str
-        Headers of the states, if all positions seem to be unknown, for example because they are
-        the same in all rows.
+        Headers of the states if all positions seem to be unknown. For example, they are the same in
+        all rows.
     hidden : tuple of str
         Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
@@ -264,8 +264,8 @@ def by_one_place(
 ) -> list[Reading | None]:
     """Read both sides by the same columns of positions, if `by_place` changed those of a side.
 
-    If afterwards one side has centres of boxes and the other has points, a warning is added to the
-    side whose positions were unknown.
+    Afterwards, one side can have centres of boxes, and the other can have points. If so, a warning
+    is added to the side with unknown positions.
 
     Parameters
     ----------
@@ -511,8 +511,8 @@ def check_classes(
     Raises
     ------
     ConfigError
-        No row is of a requested class, or names of classes differ only in upper and lower case, so
-        that it is not clear which class was requested.
+        No row is of a requested class. Or it is not clear which class was requested, because names
+        of classes differ only in upper and lower case.
     """
     requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):

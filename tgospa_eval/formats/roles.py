@@ -291,8 +291,8 @@ class Roles:
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Compute quantities of each row from the columns `Roles.numbers`.
 
-        For each of R rows, `numbers` (R, n) has the n values of these columns, and the result
-        (R, m) has the m quantities of `mixes`. The result may be a view of `numbers`.
+        `numbers` (R, n) has the values of these n columns in R rows. The result (R, m) has the m
+        quantities `mixes` in these rows. It can be a view of `numbers`.
         """
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
@@ -568,8 +568,8 @@ class _Mixes:
     def box(self) -> dict[str, Mix]:
         """Quantities of the box.
 
-        Aliases of the names are tried only if plain names do not define a box, as it may be unclear
-        which column an alias means.
+        It can be unclear which column an alias means. So aliases of the names are tried only if
+        plain names do not define a box.
         """
         return self.plain_box or _box(self.headers.find, self._centre)
 

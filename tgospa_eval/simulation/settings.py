@@ -1,8 +1,7 @@
 """Settings of simulations in the literature, each named after its source.
 
-Targets have nearly constant velocity. The states of all targets at half time are drawn near to each
-other, and the motion is simulated from there forward and backward in time. So all targets meet at
-half time.
+Targets have nearly constant velocity. All targets meet at half time: their states at half time are
+drawn near to each other. From half time, the motion is simulated forward and backward in time.
 """
 
 from dataclasses import fields, replace

@@ -452,8 +452,6 @@ def _read(
 
     Parameters
     ----------
-    path, data
-        Path and bytes of the file.
     options : ReadOptions
         Options of reading; the decimal mark is always a point.
     layouts
