@@ -125,8 +125,8 @@ class Trials:
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
         """Return the bounds and the cost of the estimate after an edit.
 
-        If all other tracks and the truth remain the same, only the components that the edit touches
-        are solved. If not, the whole problem is solved.
+        If the edit leaves the truth and all tracks outside the edit unchanged, only the components
+        that it touches are solved. If not, the whole problem is solved.
         """
         conversion = own_conversion(self.request, self.estimate)
         after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
@@ -143,7 +143,7 @@ class Trials:
         return self._evaluated(sides, edit, stopwatch)
 
     def _keeps_rest(self, edit: Edit, after: Alignment) -> bool:
-        """Check that the truth and all tracks that are not in the edit are the same in `after`."""
+        """Return whether the truth and all tracks outside the edit are the same in `after`."""
         before = self.aligned
         is_other = np.ones(len(self.number) + len(edit.fresh), bool)
         is_other[list(self._tracks(edit))] = False
@@ -202,9 +202,9 @@ class Trials:
         """Return masks of the objects and tracks that an edit touches, and of their components.
 
         The edit touches a component if it changes a track of the component. If the estimate can
-        have new rows, the edit also touches each component that has an object near a changed track
-        after the edit. `after` is the estimate after the edit, with R rows. `track` (R,) has, for
-        each row, the index of its track in the edit (see `_numbers`).
+        have new rows, an object can be near a changed track only after the edit. The edit touches
+        the components of these objects, too. `after` is the estimate after the edit, with R rows.
+        `track` (R,) has, for each row, the index of its track in the edit (see `_numbers`).
         """
         tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)
@@ -266,7 +266,8 @@ class Trials:
         step = np.searchsorted(before.truth.times, prepared.timestamps).clip(0, old.steps - 1)
         number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
         sides = prepared.sides
-        # The solution has no partner of a true object that had no row on the grid before the edit.
+        # After an edit, the grid can have rows of a true object that had none before. The solution
+        # does not know such an object.
         known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
         origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
@@ -354,7 +355,7 @@ def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conver
 def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
     """Return the kinds of repairs that are not tried because the evaluation filters rows.
 
-    A repair of such a kind changes or adds states or times, so that a filter could leave out other
+    These repairs change or add states or times. After such a repair, a filter could leave out other
     rows than before.
 
     Raises
@@ -444,9 +445,9 @@ def _repair(
 
 
 def _outward(value: float, sign: int) -> float:
-    """Round a saving ``scale * (before - after)`` down (`sign` -1) or up (`sign` 1).
+    """Round a saving down (`sign` -1) or up (`sign` 1).
 
-    The saving changes by more than the rounding error of this formula.
+    The change is larger than the rounding error of ``scale * (before - after)``.
     """
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 

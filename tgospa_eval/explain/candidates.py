@@ -105,7 +105,7 @@ class Assigned:
         sides = problem.sides
         self.truth, self.estimate = (Track(side, problem.steps) for side in sides)
         used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-        used = used[np.argsort(weights[used], kind="stable")]  # later, larger weights overwrite
+        used = used[np.argsort(weights[used], kind="stable")]  # larger weights overwrite others
         entry = states.entry[used].astype(np.int64)
         i, j = problem.truth_row[entry], problem.estimate_row[entry]
         self.followed = np.full(len(problem.truth_step), NO_PARTNER)
@@ -232,7 +232,7 @@ def as_read(estimate: Trajectories) -> Trajectories:
 
 
 def is_same(first: Trajectories, second: Trajectories) -> bool:
-    """Check that two sets of trajectories are equal in all data that affect the metric."""
+    """Return whether two sets of trajectories are equal in all data that affect the metric."""
 
     def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
         around = [] if side.covariance is None else [side.covariance]
@@ -269,8 +269,8 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
             clouds = clouds.moved(clouds.points - edit.offset)
             state = clouds.means
     times, labels = _moved_on(estimate, edit.shift)
-    # A shift to the past adds timestamps at the beginning, and does not change the index of the
-    # step of any row. A shift to the future adds them at the end, and increases the indices.
+    # A shift to the future increases the index of the timestamp of each row. In a shift to the
+    # past, new timestamps are added at the beginning instead, and the indices remain the same.
     step = step[order] + max(edit.shift, 0)
     gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
@@ -489,8 +489,9 @@ def of_rows(assigned: Assigned, limit: int) -> Iterator[Candidate]:
     problem, side = assigned.problem, assigned.estimate.side
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
-    # `worth` is the amount by which a row lowers the cost: the price of a missed object minus the
-    # cost of the pair. It is minus the price of a false estimate if the row follows no object.
+    # `worth` is the amount by which a row lowers the cost. A row that follows an object has the
+    # price of the missed object minus the cost of the pair. Any other row has minus the price of a
+    # false estimate.
     worth = -side.price
     worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
@@ -621,9 +622,9 @@ def _with_rows(
     """Return the candidate that adds N rows to a track.
 
     `step` and `state` have the step and the state of each new row. Its covariance and its
-    probability of existence are interpolated between two existing rows of the track. `ends` has the
-    indices of these two rows: two arrays (N,). `share` (N, 1) is the weight of the second of them:
-    the new row has the values of the first at 0, and those of the second at 1.
+    probability of existence are interpolated between two existing rows of the track. `ends` has two
+    arrays (N,): the indices of the first rows, and those of the second rows. `share` (N, 1) is the
+    weight of the second row.
     """
     order = np.argsort(step)
     first, second = ends

@@ -30,7 +30,9 @@ from tgospa_eval.tracks.trajectories import as_doubles, column_names
 AXES = 3
 
 LARGEST_ARRAY = 2**63
-"""Smallest size in bytes that NumPy refuses. It counts an axis of size 0 like an axis of size 1."""
+"""Smallest size in bytes of an array that NumPy refuses.
+
+For this size, NumPy counts an axis of size 0 like an axis of size 1."""
 
 NAMES = {
     "x": ("x", "xState", "states"),

@@ -61,8 +61,9 @@ def arrow_rows(
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     del table
-    # Columns have other positions in the subset, so roles are assigned again. The subset lacks
-    # mapped columns that are not used. If all mapped names are `shared`, this is not an error.
+    # Columns have other positions in the subset, so roles are assigned again. The user may have
+    # mapped columns that are not used, and the subset lacks them. All mapped names are made
+    # `shared` for `find_roles`, so that this is not an error.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     subset_roles = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}

@@ -35,7 +35,7 @@ AIS_UNKNOWN = (91.0, 181.0)
 
 
 def rules_said() -> dict[str, str]:
-    """Return the end of the message about left-out rows, by the name of the rule for them."""
+    """Return, for each rule that leaves out rows, the end of the message about these rows."""
     return {
         "time": f"left out by {option('time')}",
         "blank": "with a blank or NaN position: absent at that step",
@@ -60,8 +60,8 @@ def centres_compared() -> str:
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     """Build the trajectories of the rows that take part, and count left-out rows by rule.
 
-    A row counts under the first rule that leaves it out. Each time of the file within the range of
-    time is a step, even if all its rows are left out.
+    A row is counted under the first rule that leaves it out. Each time of the file within the range
+    of time is a step, even if all its rows are left out.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += (*rows.warnings, *roles.doubts)
-    # The range of time comes first. If a file is read in parts, no other rows are read at all.
+    # The range of time is applied first, as a file that is read in parts has only rows within it.
     timestamps, step, labels = _grid(rows, options, choice)
     for rule, (mask, sentence) in rows.excluded.items():
         if rule not in options.kept:
@@ -220,8 +220,13 @@ NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
     """Yield warnings about doubtful ids.
 
-    Ids are doubtful if they may mean "no track", are rounded numbers, may be swapped with times,
-    may number rows, or restart in each group (`headers.GROUP`).
+    There are five kinds of doubtful ids:
+
+    - An id may mean "no track".
+    - An id is a rounded number.
+    - Ids may be swapped with times.
+    - Ids may number rows instead of tracks.
+    - Ids may restart in each group of rows, such as a recording (`headers.GROUP`).
     """
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
@@ -276,11 +281,12 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
 def _may_number_rows(rows: Rows, taken: Ints, *, repeated: bool = False) -> bool:
     """Return whether ids seem to number rows, while another column has the ids of the tracks.
 
-    Three conditions must be true; with `repeated`, the first is enough.
+    With `repeated`, only the first of these conditions must be true; without it, all three.
 
     - The other column has a value in each row, and each value only once in a step.
-    - At least one of its values occurs with several ids.
-    - It has fewer distinct values than the ids, or ids number the rows of each step in order.
+    - At least one value of the other column occurs with several ids.
+    - The other column has fewer distinct values than the column of ids. Or ids number the rows of
+      each step in order.
     """
     column = rows.roles.other_id
     if column is None or column not in rows.attributes or not len(taken):
@@ -304,7 +310,7 @@ PLACED = ("left", "top", "width", "height")
 
 
 def _exchanged(roles: Roles, options: ReadOptions) -> list[str]:
-    """Return the names of the columns, for the option, with ids and times exchanged.
+    """Return the items of the option `columns` that would exchange ids and times.
 
     The list is empty if neither the user nor a format with boxes names ids and times.
     """
@@ -323,7 +329,8 @@ def _exchanged(roles: Roles, options: ReadOptions) -> list[str]:
 def _are_exchanged(rows: Rows, taken: Ints) -> bool:
     """Return whether ids and times seem to be swapped.
 
-    This is so if rows of one step are much nearer to each other than consecutive rows of one id.
+    They seem to be swapped if rows of one step are much nearer to each other than consecutive rows
+    of one id.
     """
     taken = taken[:SAMPLED]
     of_ids, of_steps = spacings(rows.ids[1][taken], rows.times.value[taken], rows.numbers[taken])
@@ -362,9 +369,13 @@ UNKNOWN = (-1.0, 0.0)
 def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
     """Return the headers of the states, if all positions seem to be unknown.
 
-    This is so in three cases: all positions are blank; all are the same although there are several
-    objects; or all columns have one number of `UNKNOWN` in all rows. For a single row this number
-    must be -1. In other cases, and if the user named the states, the result is empty.
+    Positions seem to be unknown in three cases:
+
+    - All positions are blank.
+    - All positions are the same, and there are several objects.
+    - All columns have one number of `UNKNOWN` in all rows. In a single row, only -1 counts.
+
+    In other cases, and if the user named the states, the result is empty.
     """
     columns = dict.fromkeys(column for mix in rows.roles.state for column, _ in mix)
     if not len(rows.numbers) or not rows.roles.headers or parse_columns(options.columns)[1]:
@@ -408,8 +419,8 @@ def said_of(rule: str, count: int, which: str) -> str:
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
     """Yield notices about requested classes that are missing or spelled in another way.
 
-    `there` has the classes of the file. If `whole` is True, no class of the file is missing in it.
-    Then a requested name also means a class that is spelled in another way (see `class_named`).
+    `there` has classes of the file, and `whole` says whether it has all of them. If it has all,
+    a requested name can also mean a class that is spelled in another way (see `class_named`).
     """
     requested = {name.strip() for name in options.classes or ()}
     for name in sorted(requested):
@@ -451,10 +462,10 @@ class _Choice:
 
 
 def _may_pass_midnight(times: TimeArray) -> bool:
-    """Return whether times may span more than half a day.
+    """Return whether sorted times may span more than half a day.
 
-    The times are sorted. They are compared as if they were in seconds; in smaller units, half a day
-    is a larger number, so the result is True, too. If it is False, `over_midnight` is not called.
+    The unit of the times is not known, and seconds are the largest possible unit. So the result is
+    True if the times span more than 43,200, which is half a day in seconds.
     """
     return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
@@ -488,7 +499,7 @@ def _grid(
         sides = (side,) if side else ("truth_", "estimate_")
         if form := calendar_format(timestamps):
             ways = " or ".join(option(f"{side}time_format", form) for side in sides)
-            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not of each part
+            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not for each part of a file
             shown = f"times{such} look like dates or times of day, and count as numbers"
             remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
             choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))
@@ -599,8 +610,8 @@ def _check_states(
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
         leave_out(infinite, "", "a box too large for a number", "; use another unit")
-    # If all sizes are -1, boxes are unknown. They are not checked here, as `by_place` reads other
-    # columns of positions, or reads these again with the option `hidden`.
+    # Sizes of -1 in all rows mean unknown boxes. They are not checked at the first reading, because
+    # `by_place` then reads the file again with the option `hidden`, if possible by other columns.
     again = rows.roles.fixed and rows.whole and not (options.hidden or options.boxes)
     unknown = again and _idle(rows, options) and (rows.roles.mixed(rows.numbers, sizes) == -1).all()
     for name, size in zip(("width", "height"), () if unknown else sizes, strict=False):
@@ -631,7 +642,7 @@ def _repeats(
     """Return which rows to leave out because their (id, t) is repeated; None without such rows.
 
     `taken` has the rows that take part, in the order of their keys, and `ordered` has these keys.
-    The result has positions in `taken`.
+    The result has indices in `taken`.
 
     Raises
     ------
@@ -782,7 +793,7 @@ def refusal(
     taken : int array
         Rows that take part, in the order of their keys.
     again : int array
-        Positions in `taken` of the rows whose next row has the same key.
+        Indices in `taken` of the rows that have the same key as the next row.
     key : (R,) int array
         Keys of all rows of the file.
     rows, format

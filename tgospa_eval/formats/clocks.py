@@ -268,15 +268,16 @@ def over_midnight(times: Times, timestamps: TimeArray, track: Ints) -> tuple[int
 
 
 CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S%f"}
-"""Format of a date that is written as one number, by its digits."""
+"""Format of a date that is written as one number, by its number of digits."""
 
 
 def calendar_format(timestamps: TimeArray) -> str:
     """Return the format of numbers that look like dates, such as 20260301120058.
 
     Numbers such as 120058 look like times of day if the intervals between these times of day have
-    fewer distinct lengths than the differences of the numbers. The result is blank if not all
-    numbers are such dates or times. It is ``"?"`` if only some have fractions or six digits.
+    fewer distinct lengths than the differences of the numbers. The result is blank if a number is
+    neither a date nor a time of day. It is ``"?"`` in two cases: some of the numbers have
+    fractions and others are integers; or a time of day is before 10:00 and lacks a leading zero.
     """
     if len(timestamps) < 2 or timestamps[0] < 0 or not timestamps[-1] < 2.2e16:
         return ""
@@ -310,15 +311,15 @@ def _distinct_lengths(times: TimeArray) -> int:
 
 
 def _day_of(time: float) -> int:
-    """Return the length of a day in the likely unit of a time of day, which is s, ms, us or ns."""
+    """Return the length of a day in the likely unit of a time of day: s, ms, us or ns."""
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
     """Read numeric times as times since 1970, in the unit that their size suggests.
 
-    `side` has the trajectories with these times: the truth or the estimate. Return it with the new
-    times, and the unit. If no unit fits, it is unchanged, and the unit is blank.
+    Return the trajectories `side` with the new times, and the unit. If no unit fits, `side` is
+    unchanged, and the unit is blank.
     """
     ends = [abs(float(side.times[k])) for k in (0, -1)]
     scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}

@@ -25,7 +25,7 @@ MISSING = frozenset(
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
-    """Convert texts to the nearest doubles; raise ValueError unless every text is a number."""
+    """Convert texts to the nearest doubles; raise ValueError if a text is not a number."""
     joined = "".join(texts)
     if "_" in joined or not joined.isascii():  # float() accepts 1_000 and digits of any script
         raise ValueError
@@ -166,8 +166,8 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
     Raises
     ------
     TimeError
-        A text is blank, not a time, infinite, of another kind than the first text, or an integer
-        that a double cannot represent.
+        A text is blank, infinite or not a time. Or it is of another kind than the first text, or an
+        integer that a double cannot represent.
     """
     joined = "".join(texts)
     if joined.isascii() and "_" not in joined:
@@ -224,8 +224,8 @@ def read_times(
     """Read times from one column, or from two columns that are parts of one time.
 
     `form` is the format and zone of the times, if the user gave them. `second` is the second
-    column. If its header says that it has fractions of a second, `digits` is the number of their
-    decimal places; otherwise it is 0.
+    column. `digits` is the number of decimal places, if the second column has fractions of a second
+    and its header says the unit. In other cases `digits` is 0.
 
     Raises
     ------
@@ -245,8 +245,9 @@ def read_times(
 def _of_fractions(column: Coded, digits: int) -> Times | None:
     """Parse times such as 12 500: whole seconds, a blank, and their fraction as an integer.
 
-    `digits` is the number of decimal places of the fraction, or 0 if it is not known. If the size
-    of the numbers suggests seconds since 1970, they are times in UTC. Return None for other texts.
+    `digits` is the number of decimal places of the fraction, or 0 if it is not known. If the whole
+    seconds are as large as seconds since 1970, the result has times in UTC. Return None if a text
+    does not have this form.
 
     Raises
     ------

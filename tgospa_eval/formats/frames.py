@@ -303,7 +303,10 @@ def _texts(
 
 
 def _name(value: object) -> str:
-    """Return the text of an id or a class; 7.0 becomes 7, as pandas may make integers floats."""
+    """Return the text of an id or a class.
+
+    7.0 becomes 7, because pandas may have converted integers to floats.
+    """
     if isinstance(value, Decimal):  # up to 76 digits, for which value % 1 fails
         whole = value.is_finite() and value == value.to_integral_value()
     else:

@@ -256,8 +256,13 @@ Smaller numbers are taken for speeds, or for sizes in metres."""
 def _is_motchallenge(lines: Iterable[str]) -> bool:
     """Return whether lines are of MOTChallenge.
 
-    More than half of them must have integers as frame and id, more than half a box in pixels, and
-    more than half a flag and a class. Mistakes in single lines are reported by the reader.
+    Each of these must be true for more than half of the lines:
+
+    - Frame and id are integers.
+    - The box is in pixels.
+    - Columns 7 and 8 are a flag and a class, if there are 8 or 9 columns.
+
+    The reader reports mistakes in single lines.
     """
     numbers = (row for row in map(split, lines) if all(map(is_number, row)))
     rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
@@ -282,8 +287,8 @@ COMMENTS = ("#", "%", "//")
 def foreign(line: str) -> str:
     """Return what a first line seems to be instead of a header, with a remedy; blank if unknown.
 
-    The line must be one that is not understood as a header, as a header can begin with the same
-    marks.
+    Call this only for a line that is not understood as a header, because a header can begin with
+    the same marks.
     """
     line = line.strip()
     if line.startswith(COMMENTS):

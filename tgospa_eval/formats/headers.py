@@ -37,8 +37,8 @@ def objects_in(names: Sequence[str], mapped: Mapping[str, str]) -> dict[str, dic
 def shared_columns(names: Sequence[str], objects: Mapping[str, Mapping[str, int]]) -> list[int]:
     """Return the positions of the columns that are shared by all objects.
 
-    A shared column belongs to no single object. Two kinds of such columns are not returned: a
-    column ``id``, and a column with a name that columns of the objects also get, such as ``x``.
+    A shared column belongs to no single object. Columns with the header ``id``, or with a name in
+    `objects` as the header, such as ``x``, are left out.
     """
     used = {k for columns in objects.values() for k in columns.values()}
     taken = {"id", *next(iter(objects.values()))}
@@ -94,9 +94,9 @@ SKIPPED = ("-", "_")
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
-    """Return, for each file, its columns, and the names that are mapped in `shared` only.
+    """Return, for each file, its items of columns, and the names that only `shared` maps.
 
-    One file is allowed to lack the headers to which these names are mapped.
+    If `shared` maps a name to a header, one file is allowed to lack this header.
 
     Parameters
     ----------
@@ -159,8 +159,9 @@ def has_patterns(options: ReadOptions) -> bool:
 def ask(name: str, items: Sequence[str]) -> str:
     """Return the option or argument that names these columns, ready to be pasted.
 
-    `items` are like those of the option, ``name=header``. `name` is the name of the option. It is
-    blank for a DataFrame: then the result is a call of ``rename``.
+    `items` have the form ``name=header``. `name` is the name of the option; it is blank for a
+    DataFrame. For a DataFrame, the result is a call of ``rename``, except if an item joins several
+    headers by ``+``.
     """
     if name or any("+" in item for item in items):
         from shlex import quote  # lazy: needed only for messages
@@ -176,7 +177,7 @@ def ask(name: str, items: Sequence[str]) -> str:
 
 
 Mix = tuple[tuple[int, float], ...]
-"""Quantity as a sum of columns times factors, in pairs (position of the column, factor).
+"""Quantity that is a weighted sum of columns: pairs (position of a column, weight of the column).
 
 For example, the x of the centre of a box is left + 0.5 width."""
 
@@ -244,7 +245,7 @@ LENGTHS = {
     **dict.fromkeys(MICRONS, 1e-6),
     **dict.fromkeys(("px", "pixel", "pixels"), 0.0),
 }
-"""Metres of each unit of length; 0 for pixels, and for nm: nanometres or nautical miles."""
+"""Metres of each unit of length; 0 for pixels, and for nm (nanometres or nautical miles)."""
 
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
@@ -282,7 +283,7 @@ HINTS = {
 """Patterns of headers that may be ids or times, although they are no aliases; for suggestions."""
 
 AXIS_PAIRS = {("x", "y"): "xy", ("east", "north"): "xy", ("lat", "lon"): ("lat", "lon")}
-"""Names for the two columns of a position, by the only parts in which their headers differ.
+"""Names for the two columns of a position, by the parts in which the two headers differ.
 
 For example, ``pos_east`` and ``pos_north`` are x and y."""
 
@@ -301,14 +302,16 @@ NO_PLACE = (
     "force|torque|length|goal|dim|extent|norm|scale|offset|shift|delta|wind_"
 )
 PLACE = "pos|cent|trans|utm|loc|coord|east|^[pt]_?x"
-"""Three patterns: headers never proposed as ids, headers never proposed as positions, and headers
-of likely positions."""
+"""Patterns of headers.
+
+`NO_ID` has headers that are never proposed as ids, and `NO_PLACE` those that are never proposed as
+positions. `PLACE` has headers of likely positions."""
 
 SIDES = {
     "truth": {"gt", "truth", "groundtruth", "true", "ref", "reference", "actual"},
     "estimate": {"est", "estimate", "estimated", "pred", "predicted", "hat", "tracker"},
 }
-"""Words in headers of positions that tell the side, if a table has the positions of both sides."""
+"""Words in headers that tell true from estimated positions, if a table has both."""
 
 AIRCRAFT_OR_SHIP = re.compile(
     "hex|icao(24)?([ _]?(address|code|hex))?|mmsi|imo([ _]?(no|number))?|call.?sign|"
@@ -447,9 +450,9 @@ class Headers:
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """Yield a notice if other headers would also fit the column `name`.
 
-        There is no notice if the user mapped the column, or if its header is equal to `name`. An
-        exception is a header ``id``: other headers may still be better ids. `unused` has the
-        headers of unused columns, and the notice names only these.
+        There is no notice if the user mapped the column. If a header is equal to `name`, there is a
+        notice only for ``id``, because another column may have better ids. `unused` has the headers
+        of unused columns, and the notice names only these.
         """
         if name in self.mapped or (name != "id" and self.spelt(name, name) is not None):
             return
@@ -492,7 +495,7 @@ class Headers:
         return listed(self.names)
 
     def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
-        """Guess by words in the headers which are the missing columns; return a header by name.
+        """Guess the headers of missing columns by words in the headers; return a header by name.
 
         `wanted` has the names of the missing columns. In it, ``position`` stands for the two
         coordinates of a position, such as x and y or lat and lon. `used` has the positions of
@@ -602,14 +605,14 @@ DETECTIONS = "rows without ids are detections, which TGOSPA cannot evaluate: it 
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     """Remove mappings to missing headers that another file may have; return a message by name.
 
-    This is done for names that were mapped for all files (`ReadOptions.shared`), and for entries of
-    covariances if the file has no covariances. If all files lack the header, the message is raised
-    later.
+    Two kinds of mappings are removed: those for all files (`ReadOptions.shared`), and those of
+    entries of covariances if the file has none of these entries. The message of a removed mapping
+    is raised later, if all files lack its header.
 
     Raises
     ------
     InputError
-        Another mapped header is missing: this file must have it.
+        The header of any other mapping is missing.
     """
     missing = {}
     spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]

@@ -276,7 +276,7 @@ def _is_endless(path: str) -> bool:
 def unpacked_file(path: str, max_input: float | None) -> bytes:
     """Return the bytes of a file, unpacked if it is compressed.
 
-    A compressed file may unpack at most to the size of a text that can be read with `max_input` GB.
+    The unpacked content must not be larger than a text that can be read with `max_input` GB.
     """
     data = load(path, max_bytes(max_input, path))
     if not is_packed(data):

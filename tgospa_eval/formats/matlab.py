@@ -9,9 +9,9 @@ The published code has a structure for n trajectories, T steps and d components:
 
 A set of trajectories may also consist of arrays as in `formats.arrays`, which are fields of a
 structure or variables of the file. In toolboxes of random finite sets, a set consists of two cells
-with an element for each step k: ``X{k}`` (d, n_k) has the states of n_k objects, and ``L{k}``
-(l, n_k) has their labels. Finally, each element of a cell or a structure array may be a whole set,
-such as one run of a Monte Carlo study.
+with an element for each step k: ``X{k}`` (d, n_k) has the states of n_k objects, and ``L{k}`` has
+a label for each object: one or more numbers. Finally, each element of a cell or a structure array
+may be a whole set, such as one run of a Monte Carlo study.
 """
 
 import io
@@ -59,13 +59,15 @@ Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
 The sizes are empty if the variable is not an array."""
 
 Room = Callable[[int, str], None]
-"""Callable that receives a size in bytes and words for a message; it raises if memory is short."""
+"""Callable that receives a size in bytes and words for a message.
+
+It raises an error if there is not enough memory."""
 
 
 # -------------------------------------------------------------------------------------------------
 # Files of version 5, which MATLAB saves with -v6 and -v7. One damaged file in fifty makes SciPy end
 # the process, so all files are read in a helper process. SciPy also unpacks as much as a file
-# claims to contain, so compressed data are unpacked here, as far as memory allows.
+# claims to contain. So compressed data are unpacked here, with a check of the memory.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
 """First bytes of a file of version 5."""
@@ -116,9 +118,10 @@ def _variables(data: bytes, room: Room) -> Variables:
 def _read(
     header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
 ) -> Value:
-    """Read a variable, after a check that its bytes can have so many elements `cells`.
+    """Read a variable, after a check that its bytes are enough for its elements.
 
-    Without this check, SciPy would create all elements that a damaged file claims to have.
+    `cells` is the number of elements of a cell or structure array, as the file states it. Without
+    the check, SciPy would create all elements that a damaged file claims to have.
     """
     from scipy.io import loadmat
 
@@ -247,7 +250,7 @@ TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id, or cells X, L by step"
 
 VARIABLES = {"truth": ("X", "truth"), "estimate": ("Y", "est", "estimate")}
-"""Names of the set to read by role, if a file has several sets.
+"""Names of the set to read if a file has several sets, by role; the first that exists is used.
 
 The names are those of the published code and of toolboxes."""
 
@@ -269,7 +272,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     paths, files = options.beside, tuple(map(file_of, options.beside))
     is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
     sides = tuple(zip(paths, files, options.roles, strict=True)) if is_one else ()
-    is_named = file_of(f"{path}:X") == path  # whether FILE:X is possible
+    is_named = file_of(f"{path}:X") == path  # whether FILE:X would name a variable
     name, fields, about = _in_helper(_choose, path, data, options.max_input, role, sides, is_named)
     rows = _rows(f"{path}, {name}", fields, options, len(data))
     return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))
@@ -461,8 +464,8 @@ def _by_step(fields: Structure, name: str) -> Structure:
 def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
     """Return the names of variables that have states by step.
 
-    Their names are names of states or particles (`arrays.NAMES`). Each also has three or more axes,
-    unless another variable has times. `sizes` has the sizes of all variables.
+    These variables have a name of states or particles (`arrays.NAMES`). If no variable has times,
+    they also need three or more axes. `sizes` has the sizes of all variables.
     """
     kinds = {name: kind_of(name)[0] for name in sizes}
     named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
@@ -472,12 +475,7 @@ def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
 class _Sets:
     """Sets of trajectories of a file: structures, elements of cells, and arrays.
 
-    Parameters
-    ----------
-    file : str
-        Path of the file, without the name of a variable.
-    variables : Variables
-        Variables of the file.
+    `file` is the path of the file, without the name of a variable.
     """
 
     def __init__(self, file: str, variables: Variables) -> None:
@@ -577,8 +575,8 @@ class _Sets:
     def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
         """Check that truth and estimate are different variables, if they are in this file.
 
-        `sides` has the path, file and role of both. It is empty if no check is needed, because both
-        paths name a variable, or truth and estimate are in two files.
+        `sides` has the path, file and role of both. It is empty if truth and estimate are in two
+        files, or if both paths name a variable. Then no check is needed.
 
         Raises
         ------
@@ -601,8 +599,8 @@ class _Sets:
     def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
         """Yield notices about unused variables.
 
-        Also yield a notice that says which variable was chosen, if the path names none, and there
-        are several sets or the usual variable is not a set.
+        If the path names no variable, another notice says which one was chosen. This notice is
+        yielded only if there are several sets, or if the usual variable is not a set.
         """
         default = VARIABLES[role][0]
         if name in self.arrays:

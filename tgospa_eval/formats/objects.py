@@ -5,7 +5,7 @@ tracks. An array (T, k, d) has T steps, k tracks and d state columns. Weights of
 here.
 
 A reader of a format returns all rows of a file, as `formats.rows.Rows` or as a DataFrame.
-`formats.assemble` leaves out rows and converts the others to a `Reading`.
+`formats.assemble` filters these rows and converts them to a `Reading`.
 """
 
 import os
@@ -83,7 +83,7 @@ class TrackLike(Protocol):
 Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
 """Indices of the components of state vectors to compare.
 
-They are one sequence for both sides, or two: one for the truth and one for the estimate."""
+One sequence is used for both sides. Of two sequences, the first is for the truth."""
 
 
 def _rows_of_tracks(
@@ -99,9 +99,13 @@ def _rows_of_tracks(
     ``last_timestamp_generator`` of Stone Soup. A tracker may store a predicted state and then the
     state that a measurement corrected. Then the corrected state counts.
 
-    If covariances are not read, each state is a point. If they are read, a ``state_vector`` with
-    several columns is a set of particles, one in each column, with the weights ``weight``. Any
-    other state has the covariance ``covar``, or NaN without it.
+    If covariances are not read, each state is a point. If they are read, there are two kinds of
+    states:
+
+    - If ``state_vector`` has several columns, each column is a particle. The attribute ``weight``
+      has the weights.
+    - Any other state is a mean with the covariance ``covar``. The covariance is NaN if ``covar`` is
+      missing.
 
     Raises
     ------
@@ -241,8 +245,9 @@ TrajectoriesLike: TypeAlias = (
     "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | NamedArray | str | "
     "os.PathLike[str]"
 )
-"""Forms of a side: Trajectories, a table in the long form, a path, an array (T, k, d), a pair of
-times and array, arrays by id, arrays of xarray, and tracks of Stone Soup."""
+"""Forms of a side: Trajectories, a table with a row for each object and time, a path, an array
+(T, k, d), a pair (times, array), a mapping from ids to arrays, arrays of xarray, and tracks of
+Stone Soup."""
 
 
 Runs: TypeAlias = "TrajectoriesLike | Sequence[Any]"
@@ -281,8 +286,8 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
     """Return both sides; a side that is None becomes a reading without tracks.
 
-    It has the state columns of the other side. If both sides are None, their state columns are
-    those of the argument `columns`, or two columns if that is None too.
+    The new reading has the state columns of the other side. If both sides are None, they get as
+    many state columns as `columns` has; two if `columns` is None.
     """
     given = tuple(side for side in sides if side is not None)
     if len(given) == len(sides):
@@ -347,10 +352,11 @@ NAMED_AXES = {
 }
 """Names of dimensions by the letter of an axis: R for runs, others as in `formats.arrays`.
 
-A dimension may also have the plural of such a name, or a number behind it."""
+Names in the plural and names that end in a number are also known, such as ``tracks`` and
+``time_0``."""
 
 ARRAY_OF_AXES = {"Tdn": "x", "Tddn": "P", "NTdn": "particles"}
-"""Kind of a variable by the letters of its axes in the order of ASCII (capital letters first)."""
+"""Kind of a variable by the letters of its axes. They are sorted, capital letters first."""
 
 
 def _axis_of(dim: object, name: str) -> str:
@@ -395,8 +401,8 @@ def with_plain_axes(side: Any, name: str) -> Any:
     """Convert arrays with named axes to arrays by step and track; return any other side unchanged.
 
     A DataArray has states. In a Dataset, the dimensions of a variable show whether it has states,
-    covariances or particles. A variable without an axis of components is one coordinate; or it has
-    weights, if its name says so.
+    covariances or particles. A variable without an axis of components has weights if its name says
+    so. If not, it has one coordinate of the states.
 
     Raises
     ------
@@ -447,10 +453,12 @@ def with_plain_axes(side: Any, name: str) -> Any:
 def runs_of(side: object, name: str) -> "list[tuple[str, Any]] | None":
     """Return name and side of each run of a Monte Carlo study; None if there are no runs.
 
-    A name is blank if the runs have no names.
+    A name is blank if the runs have no names. These objects have runs:
 
-    Runs are a list of sides, an array (runs, T, k, d), a pair of times and such an array, an array
-    of xarray with the dimension ``run``, or a table with the column ``run``, sorted by its values.
+    - a list or tuple of sides
+    - an array (runs, T, k, d), or a pair of times and such an array
+    - an array of xarray with the dimension ``run``
+    - a table with the column ``run``; its runs are sorted by the values of this column
 
     Raises
     ------
@@ -517,10 +525,10 @@ def read_object(
 ) -> Reading:
     """Read an object in memory.
 
-    Tables, tracks and mappings as in `is_variables` are converted to rows, so that filters can
-    leave some out. Other arrays are converted to rows only if an option in use needs it. All other
-    objects are converted to Trajectories directly. `name` begins the messages. `columns` are the
-    state columns that the distance prescribes.
+    Tables, tracks and mappings as in `is_variables` are converted to rows, because filters select
+    rows. Arrays are converted to rows only if an option in use needs rows
+    (`ReadOptions.of_tables`). All other objects are converted to Trajectories directly. `name`
+    begins the messages. `columns` are the state columns that the distance prescribes.
 
     Raises
     ------
@@ -737,7 +745,7 @@ def from_rows(
     covariance: Floats | None = None,
     clouds: "Clouds | None" = None,
 ) -> Trajectories:
-    """Build trajectories from rows in any order; a row with NaN is left out, and its step stays.
+    """Build trajectories from rows in any order; a row with NaN is left out, but its step remains.
 
     Parameters
     ----------
@@ -750,7 +758,7 @@ def from_rows(
     states : (R, d) array
         States.
     times : Times
-        Times to which the rows belong; the same time can be there several times.
+        Times of the rows. Two of them can be equal.
     columns : tuple of str, optional
         Names of the d columns; ignored if their number is not d.
     covariance, clouds : (R, d, d) array, Clouds, optional

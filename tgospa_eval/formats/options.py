@@ -1,6 +1,7 @@
 """Options of reading a file and of selecting its rows, for all formats.
 
-Filters compare columns, ``score >= 0.5 and type != van``. They are parsed and never executed.
+An example of a filter is ``score >= 0.5 and type != van``. Filters are parsed, and never executed
+as code.
 """
 
 import math
@@ -72,7 +73,7 @@ def _fulfils(comparison: Comparison, values: "Values", at: Callable[[int], str],
                 f"{values[filled[0]]:g} is a number, and {way} compares with a text; "
                 "compare with a number"
             )
-        if number is None:  # the column is blank, or the text is
+        if number is None:  # all values of the column are blank, or the text is blank
             return np.asarray(np.isnan(values) == ((mark == "==") == (value == "")))
         return np.asarray(compare(values, number))
     if isinstance(value, str):
@@ -283,7 +284,7 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
-    """Yield all ways to split a text at `count` - 1 of its colons; ISO times contain others."""
+    """Yield all ways to split a text at its colons into `count` parts, which may have colons."""
     pieces = text.split(":")
     for at in combinations(range(1, len(pieces)), count - 1):
         yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
@@ -292,8 +293,8 @@ def _splits(text: str, count: int) -> Iterator[list[str]]:
 def class_named(name: str, there: Collection[str]) -> str | None:
     """Return the class with this name.
 
-    If there is none, return the only class whose name `is_alike`; None if there is no such class,
-    or several.
+    If there is none, return the class with a similar name (see `is_alike`). If no class or several
+    classes have a similar name, return None.
     """
     alike = [other for other in there if is_alike(name, other)]
     return name if name in alike else alike[0] if len(alike) == 1 else None
@@ -386,7 +387,8 @@ class ReadOptions:
     missing_covariance : {"error", "zero"}
         Meaning of a blank covariance, if the file has columns of covariances: an error or a point.
     clouds : bool
-        Whether rows with a weight are particles even if no id and time is repeated.
+        Whether rows with a weight are particles even if no id and time is repeated. This has no
+        effect on a file from which covariances are read.
     fault : callable, optional
         Callable that receives the names of the state columns and the states (d, R): d columns and R
         rows. It returns None, or three things about a column with values that are out of range: a
@@ -411,9 +413,9 @@ class ReadOptions:
         Headers of columns in which all positions are unknown. Such a column is part of the state
         only if the user maps it.
     heights : {"", "tell", "use"}
-        What to do with a column of heights (for positions on the Earth) or elevations (for
-        positions by range and bearing) that the user did not name: ``"use"`` makes it part of the
-        state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
+        Use of a column of heights or elevations that the user did not name. ``"use"`` makes it part
+        of the state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
+        Positions on the Earth have heights, and positions by range and bearing have elevations.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str

@@ -156,8 +156,8 @@ class Reading:
     pixels : bool
         Whether the states are centres of boxes in an image, as the format says.
     idle : tuple of str
-        Headers of the states, if all positions seem to be unknown, for example because they are
-        the same in all rows.
+        Headers of the states if all positions seem to be unknown. For example, they are the same in
+        all rows.
     hidden : tuple of str
         Headers of unknown positions, if other columns of positions were read instead of them.
     height : str
@@ -227,8 +227,8 @@ def classes_in(sides: Iterable[Reading]) -> list[str]:
 def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
     """Read a side; if its positions seem to be unknown, read other columns of positions.
 
-    Positions seem to be unknown if, for example, they are the same in all rows. `Reading.idle` says
-    so.
+    Positions seem to be unknown if, for example, they are the same in all rows. Such a reading has
+    headers in `Reading.idle`.
 
     Parameters
     ----------
@@ -262,10 +262,10 @@ def by_one_place(
     options: Sequence[ReadOptions],
     again: Sequence[Callable[[ReadOptions], Reading] | None],
 ) -> list[Reading | None]:
-    """Read both sides by the same columns of positions, if `by_place` changed those of one side.
+    """Read both sides by the same columns of positions, if `by_place` changed those of a side.
 
-    If afterwards one side has centres of boxes and the other has points, a warning is added to the
-    side whose positions were unknown.
+    Afterwards, one side can have centres of boxes, and the other can have points. If so, a warning
+    is added to the side with unknown positions.
 
     Parameters
     ----------
@@ -323,8 +323,8 @@ def with_heights(
     names : sequence of str
         Names of the sides in messages.
     local : bool
-        Whether positions on the Earth are converted to local axes, where a height also moves them
-        sideways.
+        Whether positions on the Earth are converted to local axes. A height then also changes the
+        horizontal coordinates.
     distance : str
         Name of the distance.
 
@@ -368,8 +368,8 @@ def with_heights(
 def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
     """Convert numeric times of one side, if the other side has ISO times with a zone.
 
-    The numbers must be times since 1970 by their size; if not, they are unchanged. A notice names
-    the unit.
+    The numbers are converted only if they are as large as times since 1970 in some unit. A notice
+    names this unit.
     """
     clocks = [side.trajectories.clock for side in sides]
     if sorted(clocks) != ["number", "zoned"] or not all(len(s.trajectories.times) for s in sides):
@@ -505,14 +505,14 @@ def check_classes(
     classes : sequence of str, optional
         Classes that are requested for both sides.
     each : sequence of ReadOptions
-        Options of each side. Their classes can differ from `classes`: then they are requested for
-        this side only.
+        Options of each side. If the classes in the options of a side differ from `classes`, they
+        are requested for this side only.
 
     Raises
     ------
     ConfigError
-        No row is of a requested class, or names of classes differ only in upper and lower case, so
-        that it is not clear which class was requested.
+        No row is of a requested class. Or it is not clear which class was requested, because names
+        of classes differ only in upper and lower case.
     """
     requested = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):

@@ -1,9 +1,9 @@
 """Readers of JSON (flat records, annotations of COCO with tracks), of Excel, and of nuScenes.
 
-In nuScenes, a scene is a recording, and a sample is one moment of a scene. Each sample is named by
-a token, a text. Annotations are tables in a folder. Results are one JSON file, as submitted to the
-tracking task. This file has the tokens of samples but not their times and scenes, which are
-therefore read from the tables.
+In nuScenes, a scene is a recording, and a sample is one moment of a scene. The name of a sample is
+a text, its token. Annotations are tables in a folder. Results are one JSON file, as submitted to
+the tracking task. The file of results has the tokens of samples but not their times and scenes. So
+times and scenes are read from the tables.
 """
 
 import io
@@ -74,7 +74,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
 
 
 def _by_key(document: Any) -> Any:
-    """Flatten a mapping of lists of records, with one list for each frame or each object.
+    """Flatten a mapping that has a list of records for each frame or each object.
 
     The key of a list becomes the time or the id of its records. Any other document is unchanged.
     """
@@ -175,7 +175,8 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
     Raises
     ------
     InputError
-        The images are of several videos and no class is requested, or their order is unknown.
+        The images are of several videos, and rows are neither filtered nor separated by class. Or
+        the order of the images is unknown.
     """
     videos = list(dict.fromkeys(str(image.get("video_id")) for image in images.values()))
     if len(videos) > 1 and options.classes is None and not options.by_class:
@@ -353,7 +354,7 @@ NO_OBJECT = "for samples without an object, which are steps all the same"
 
 
 class _Object(NamedTuple):
-    """One object in a sample, or a sample without objects: then id and numbers are missing.
+    """One object in a sample, or a sample without objects, which has no id and no numbers.
 
     `number` is the position of the object in its list or table, from 1. `reason` says why the row
     is left out; it is blank if the row is used.
@@ -389,7 +390,7 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
 def _folder_for(path: str, options: ReadOptions) -> str:
     """Return the folder with the tables for a file of results.
 
-    It is another path of the evaluation, or the folder that has a file of the evaluation.
+    It is another path of the evaluation, or the folder in which a file of the evaluation is.
     """
     places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
     for folder in (*places, os.path.dirname(path) or "."):

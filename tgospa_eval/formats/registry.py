@@ -1,7 +1,7 @@
 """Formats of files by name, of this package and of other packages.
 
-This module imports nothing that is slow to import. docs/architecture.md says how to add a format
-here, and docs/reference/extend.md in another package.
+This module imports nothing that is slow to import. docs/architecture.md says how to add a format to
+this package. docs/reference/extend.md says how another package adds a format.
 """
 
 from collections.abc import Callable

@@ -199,7 +199,7 @@ class Roles:
     def other_id(self) -> int | None:
         """First unused column that may be ids, to compare with a column ``id``.
 
-        It is None if ids are in another column than ``id``, or if the user named their column.
+        It is None if the ids are not in a column ``id``, or if the user named the column of ids.
         """
         named = any(item.partition("=")[0].strip() == "id" for item in self.options.columns or ())
         plain = self.headers[self.id].casefold() == "id" and not (named or self.more_ids)
@@ -291,8 +291,8 @@ class Roles:
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Compute quantities of each row from the columns `Roles.numbers`.
 
-        For each of R rows, `numbers` (R, n) has the n values of these columns, and the result
-        (R, m) has the m quantities of `mixes`. The result may be a view of `numbers`.
+        `numbers` (R, n) has the values of these n columns in R rows. The result (R, m) has the m
+        quantities `mixes` in these rows. It can be a view of `numbers`.
         """
         at = {column: k for k, column in enumerate(self.numbers)}
         if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
@@ -314,9 +314,12 @@ def _with_height(
 ) -> tuple[tuple[str, ...], str]:
     """Return the state columns, and the header of a column of heights that is left out.
 
-    `wanted` has the state columns without heights. Heights of the table are added to them if
-    `ReadOptions.heights` is ``"use"``, and left out if it is ``"tell"``. In all other cases the
-    header is blank.
+    `wanted` has the state columns without heights. If the table has heights, the option
+    `ReadOptions.heights` decides:
+
+    - ``"use"`` adds them to the state columns. The header is blank.
+    - ``"tell"`` leaves them out, and their header is returned.
+    - ``""`` ignores them. The header is blank.
     """
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
     of_boxes = headers.places("height") if headers.places("width") else []
@@ -510,13 +513,14 @@ FLAG = re.compile(
 )
 """Pattern of headers of columns that may say which rows do not count.
 
-These are the rows in which a mark is not 0, or in which a score or the visibility is 0."""
+A row seems not to count if its mark (``iscrowd``, ``ignore``) is not 0, or if its score or
+visibility is 0."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
     """Return the further columns of ids, if the user mapped several columns: ``id=CLUSTER+TRACK``.
 
-    The first column stays mapped.
+    Afterwards ``id`` is mapped to the first column only.
     """
     whole = headers.mapped.get("id", "")
     parts = [part.strip() for part in whole.split("+")]
@@ -547,8 +551,12 @@ def _second_of_times(headers: Headers) -> int | None:
 class _Mixes:
     """Quantities of a table: columns, or sums of edges and sizes of boxes.
 
-    A quantity such as x is looked for in this order: a header that is equal to its name, boxes with
-    plain names (left, top, width, height), aliases of its name, and boxes with aliases.
+    A quantity such as x is the first of these that the table has:
+
+    1. a column with this name as the header
+    2. the x of boxes with plain headers (left, top, width, height)
+    3. a column with an alias of the name as the header
+    4. the x of boxes with aliases as headers
     """
 
     def __init__(self, headers: Headers) -> None:
@@ -560,8 +568,8 @@ class _Mixes:
     def box(self) -> dict[str, Mix]:
         """Quantities of the box.
 
-        Aliases of the names are tried only if plain names do not define a box, as it may be unclear
-        which column an alias means.
+        It can be unclear which column an alias means. So aliases of the names are tried only if
+        plain names do not define a box.
         """
         return self.plain_box or _box(self.headers.find, self._centre)
 
@@ -627,9 +635,15 @@ class _Mixes:
     def default_states(self) -> tuple[str, ...]:
         """Return the state columns to use if the user named none.
 
-        They are x, y, z as far as the table has them, else lat and lon, else the centres of boxes.
-        Boxes that the user maps have priority. If none of these is left because unknown positions
-        are hidden, the columns are x, y, z, which are read from ``loc_x``, ``loc_y`` and ``loc_z``.
+        They are the first of these that the table has:
+
+        1. x, y: the centres of boxes that the user mapped
+        2. x, y, z, or only the first one or two of them
+        3. lat, lon
+        4. x, y: the centres of other boxes
+        5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if unknown positions are hidden
+
+        For 2 to 4, headers that are equal to the names have priority over aliases.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
@@ -687,9 +701,9 @@ def _namings(
 ) -> Iterator[tuple[str, ...]]:
     """Yield the names that states may have in the headers of covariances.
 
-    First are the headers of the states, as in ``cov_px_py``, then their names, as in ``cov_x_y``.
-    If ``x`` or ``y`` is the header of another column, ``cov_x_y`` belongs to that column, and the
-    names are not yielded.
+    First come the headers of the states: ``px, py`` for ``cov_px_py``. Then come the names of the
+    states: ``x, y`` for ``cov_x_y``. The names are not yielded if one of them is the header of
+    another column, because ``cov_x_y`` then belongs to that column.
     """
     own = tuple(
         name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
@@ -713,8 +727,8 @@ def _box(
 ) -> dict[str, Mix]:
     """Return edges, sizes and centre of boxes by name; empty unless the columns define a box.
 
-    `find` returns the position of a column by name, and `centre_of` that of a coordinate of the
-    centre.
+    Both callables return the position of a column, or None. `find` receives the name of the column.
+    `centre_of` receives the axis, x or y, and finds the column with this coordinate of the centre.
     """
     box: dict[str, Mix] = {}
     for axis, begin, size, end in (

@@ -169,7 +169,7 @@ def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) 
 
 
 def spacings(ids: NDArray[Any], times: NDArray[Any], places: Floats) -> tuple[float, float]:
-    """Return the median distance of consecutive rows of the same id, and that of the same time.
+    """Return two median distances: of consecutive rows of one id, and of rows of one time.
 
     A median is NaN if there are too few such rows. The first two columns of `places` are the
     position.

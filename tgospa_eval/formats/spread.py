@@ -69,8 +69,8 @@ class SpreadColumns:
 First = Callable[[Mask], tuple[int, str, str]]
 """Callable that receives a mask of wrong rows.
 
-It returns three things: the position of the first of these rows, and for messages its place and
-words for the number of other wrong rows."""
+It returns the position of the first of these rows. For messages, it also returns the place of this
+row, and words for the number of the other wrong rows."""
 
 
 NAMED, NUMBERED = 1, 2
@@ -114,9 +114,9 @@ def find_spread(
 ) -> SpreadColumns | None:
     """Find the columns of the covariances of these state columns; None if there are none.
 
-    The first spelling of `SPELLINGS` that the table has is used. Numbered entries, such as P12, are
-    used only if the state columns are in the order of the table, and if no number is larger than
-    the number of state columns. `find` returns the position of a header.
+    The first spelling of `SPELLINGS` that the table has is used. For numbered entries, such as P12,
+    the state columns must be in the order of the table. No number may be larger than the count of
+    the state columns. `find` returns the position of a header.
 
     Raises
     ------

@@ -36,10 +36,10 @@ class Scene:
         Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
     state : {"point", "gaussian", "cloud", "box"}
         Kind of the states. Points have ``x, y``. Gaussians also have the covariance of the error
-        of each estimate. With clouds, true states are points, and each report is a cloud of
-        particles around the reported point with the spread of the noise. Boxes have ``left, top,
-        width, height``, and the position is their centre. The height of an object is drawn
-        uniformly from [A/20, A/8] and kept; its width is 0.4 of the height.
+        of each estimate. With clouds, true states are points, and each estimate is a cloud of
+        particles that represents the noise. Boxes have ``left, top, width, height``, and the
+        position is their centre. The height of an object is drawn uniformly from [A/20, A/8] and
+        kept; its width is 0.4 of the height.
     particles : int
         Number of particles of a cloud, at least 1.
 
@@ -152,9 +152,12 @@ def simulate(
 
     Times and ids of true objects count from 1. The track that begins on object i has the id
     100 + i, or 1000 + i if there are 100 targets or more, and so on. Later tracks have the next
-    ids. Values are rounded to about a hundred-thousandth of the area, or of 200 times the noise if
-    that is smaller. So all machines make the same files, even if their sines differ in the last
-    digit.
+    ids.
+
+    Coordinates are rounded, so that all machines make the same files even if their sines differ in
+    the last digit. The unit of the last decimal is about a hundred-thousandth of the side of the
+    square. If the noise is not 0, but less than 1/200 of the side, this unit is about 1/500 of the
+    noise.
 
     Every error has its own stream of random numbers, so a change of one error does not change the
     draws of another error.

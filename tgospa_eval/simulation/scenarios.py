@@ -27,8 +27,8 @@ def encounters(truth: Floats, near: float) -> Ints:
     Returns
     -------
     (E, 5) array
-        First and second target, first step, step after the end, step of the smallest distance;
-        sorted by first step, then by the two targets.
+        One row for each of the E encounters: first and second target, first step, step after the
+        end, step of the smallest distance. Rows are sorted by first step, then by the two targets.
     """
     from scipy.spatial import cKDTree  # memory and time grow only with the number of near pairs
 

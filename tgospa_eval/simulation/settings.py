@@ -1,8 +1,7 @@
 """Settings of simulations in the literature, each named after its source.
 
-Targets have nearly constant velocity. The states of all targets at half time are drawn near to each
-other, and the motion is simulated from there forward and backward in time. So all targets meet at
-half time.
+Targets have nearly constant velocity. All targets meet at half time: their states at half time are
+drawn near to each other. From half time, the motion is simulated forward and backward in time.
 """
 
 from dataclasses import fields, replace
@@ -39,8 +38,8 @@ class StudySetting:
     spread : float
         Variance of positions and velocities at this point.
     motion : float
-        Intensity q of the white acceleration. Its covariance in a step of 1 s is
-        q (1/3, 1/2; 1/2, 1) in each coordinate.
+        Intensity q of the white acceleration. In a step of 1 s, position and velocity have random
+        changes with the covariance q (1/3, 1/2; 1/2, 1) in each coordinate.
     noise : float
         Variance of each coordinate of a measurement.
     detection : float

@@ -1,8 +1,8 @@
 """Errors of trackers, one function each, without scenarios and files.
 
 Each function receives states (T, n, d) of T steps and n tracks, NaN where a track is absent, and
-returns new states. Before `swap` and `fragment`, track i follows target i. Meetings are the
-encounters of `tgospa_eval.simulation.scenarios`.
+returns new states. Before `swap` and `fragment`, track i follows target i. The argument `meetings`
+has the result of `tgospa_eval.simulation.scenarios.encounters`.
 """
 
 import numpy as np
@@ -81,9 +81,9 @@ def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Flo
 def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
     """Return covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
 
-    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S and the range r. The unit vector u
-    is along the line of sight, and v is across it. The standard deviation along the line of sight
-    is S / 2; across it, the deviation grows with the range.
+    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with S = `deviation`, A = `area` and the range r.
+    The unit vector u is along the line of sight, and v is across it. The standard deviation along
+    the line of sight is S / 2; across it, the deviation grows with the range.
     """
     x, y = states[..., 0], states[..., 1]
     distance = np.sqrt(x * x + y * y)
@@ -182,7 +182,7 @@ def lag(states: Floats, steps: int) -> Floats:
 def false_tracks(
     steps: int, rate: float, length: tuple[int, int], area: float, rng: np.random.Generator
 ) -> Floats:
-    """Return false tracks, (T, f, 2).
+    """Return the positions (T, f, 2) of f false tracks.
 
     Poisson(`rate`) tracks begin at every step. Lengths are uniform in
     {length[0], ..., length[1]}, and tracks end with the recording at the latest. The start is

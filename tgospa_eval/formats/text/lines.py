@@ -2,8 +2,8 @@
 
 The compiled loop (`scanned`) reads plain text in one pass over the bytes. It rounds numbers
 correctly, and creates no Python object for each field. `blocks_of` and `gather` read other text,
-and report mistakes with their lines. The reader of the format tells them how to split a line into
-fields.
+and report mistakes with their lines. The reader of a format gives `blocks_of` a function that
+splits lines into fields.
 """
 
 import csv
@@ -212,7 +212,8 @@ def scanned(
 def lines_of(text: str, start: int = 0) -> Iterator[str]:
     """Yield the lines of the text from `start` on, with line feeds at their ends.
 
-    Only some 10^5 letters are copied at a time, as the copy takes four times their memory.
+    The text is copied in parts of some 10^5 letters. A copy of the whole text would take four times
+    the memory of the text.
     """
     stop = len(text.rstrip("\n"))
     while start < stop:
@@ -268,8 +269,8 @@ def blocks_of(
     comments : Comments
         Counter of the comments.
     delimiter : str
-        Delimiter of the fields, if `split` splits only there. With it, plain lines of a block are
-        split all at once, which takes half the time.
+        Delimiter, if `split` splits lines only at this delimiter. Plain lines of a block are then
+        split all at once, in half the time. With `BLANKS`, only `split` is used.
     quotes : bool
         Whether the text has quotes, so that fields can have line ends.
 
@@ -486,9 +487,9 @@ def convert(
 
 
 def plain_id(text: str) -> str:
-    """Return an id as an integer if it is one, as in 3.0 or 3.000e+00.
+    """Convert ids such as 3.0 and 3.000e+00 to 3, as numeric programs write integers in this way.
 
-    Numeric programs write ids so. Other ids are unchanged, but NaN becomes blank.
+    NaN becomes blank. Other ids are unchanged.
     """
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii() or is_rounded(text):

@@ -198,9 +198,10 @@ def header_of(
 
 
 def _as_formats_have_it(error: Exception, delimiter: str, width: int) -> Exception:
-    """Return the error, which may propose to name a format.
+    """Return the error; if it proposes to name a format, correct this proposal.
 
-    If that format does not have this delimiter, the message says to separate fields by blanks.
+    If files of the format cannot have this delimiter, the new proposal says to separate fields by
+    blanks.
     """
     if delimiter != ";" and not (delimiter == "," and width in KITTI_WIDTHS):
         return error
@@ -260,9 +261,10 @@ def _delimiter(header: str, decimal: str) -> str:
 def header_by_blanks(line: str, after: str) -> list[str]:
     """Return the headers in a line that separates them by blanks; an empty list for other lines.
 
-    numpy.savetxt and programs of robotics write such lines, sometimes with a comment mark first. A
-    line with a mark is a header, without its mark, if the next line `after` is blank or has as many
-    words. If not, the line is a comment, and the list is empty.
+    numpy.savetxt and programs of robotics write such lines, sometimes with a comment mark first. If
+    a line has this mark, the next line, `after`, decides. If `after` is blank or has as many words,
+    the line is a header, and its mark is removed. If not, the line is a comment, and the list is
+    empty.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
@@ -352,7 +354,7 @@ CATEGORIES = (
 IGNORED, *NOT_EVALUATED = AS_REGIONS
 """Types of KITTI and classes of VisDrone that are not tracked."""
 UNCLASSED = "-1"
-"""Number of the class in results of trackers that do not tell classes."""
+"""Number that trackers without classes write in the column of the class."""
 
 KITTI_FIELDS = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
@@ -450,8 +452,6 @@ def _read(
 
     Parameters
     ----------
-    path, data
-        Path and bytes of the file.
     options : ReadOptions
         Options of reading; the decimal mark is always a point.
     layouts
