@@ -71,9 +71,9 @@ def narrowest(brackets: Sequence[Interval]) -> Interval:
 
 
 def excess(value: float, floor: float) -> float:
-    """Return (value - floor) / floor, but 0 for a value that is not above the floor.
+    """Return (value - floor) / floor; 0 if the value is not above the floor.
 
-    For a larger value, the result is infinite if the floor is 0.
+    For a value above a floor of 0, the result is infinite.
     """
     if value <= floor:
         return 0.0

@@ -120,7 +120,7 @@ class SweepEvaluation:
         """Return the indices of the first and last point of the longest range with equal counts.
 
         `counts` are the names of the compared fields. None means that neighbouring points always
-        differ. Nothing is proven between the points.
+        differ. The counts at values between two points are not known.
         """
         same = [
             all(abs(getattr(a, name) - getattr(b, name)) < 1e-6 for name in counts)
