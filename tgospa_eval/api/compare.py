@@ -559,7 +559,7 @@ HEAD = ("files", "input", "parameters", "warnings", "with")
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Return true if paths, or patterns of paths, name saved results; false if data files.
+    """Return true if paths, or patterns of paths, name saved results, not data files.
 
     Raises
     ------

@@ -60,10 +60,10 @@ def evaluate(
         - a table ``id, t, x[, y[, z]]`` of pandas, Polars or a library with the Arrow interface
         - an array or tensor (T, k, d): T steps, k trajectories, d columns; NaN if absent
         - a pair ``(times, array)`` with such an array
-        - a dictionary whose keys are ids, with an array (T, d) or a pair ``(times, array)`` each
+        - a dictionary from each id to an array (T, d) or a pair ``(times, array)``
         - tracks or ground-truth paths of Stone Soup, with the parameter `mapping`
 
-        Arrays and tables have the state columns that the distance needs.
+        Arrays and tables must have the state columns that the distance needs.
     cutoff : float, optional
         Cutoff c > 0, in the unit of the distance. The default is 10.0, or 0.5 with ``"iou"``.
     order : float

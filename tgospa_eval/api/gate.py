@@ -66,8 +66,12 @@ if TYPE_CHECKING:
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
     """Return the options that are given for a pair, by the names of the fields of `Request`.
 
-    They have four sources: the `entry` of the baseline at `path`, the settings file, the suite, and
-    the command line with the environment. Each source has priority over those before it.
+    There are four sources, and later ones have priority:
+
+    1. the `entry` of the baseline at `path`
+    2. the settings file
+    3. the suite
+    4. the command line and the environment
     """
     inherited = dict(entry["options"]) if entry else {}
     for key in _naming_files(inherited):

@@ -42,7 +42,7 @@ ASIDE = {"det", "img1", "seqmaps"}
 """Names of folders of MOTChallenge that have no tracks."""
 
 DEEP = 4
-"""Largest number of parts of a path that a search finds: train/MOT17-02/gt/gt.txt has 4 parts."""
+"""Largest number of parts in the path of a found file: train/MOT17-02/gt/gt.txt has 4 parts."""
 
 MAX_FILES = 10_000
 """Number of files after which a search ends."""

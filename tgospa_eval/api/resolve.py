@@ -68,7 +68,7 @@ class ResolvedRequest:
     tracked_shares : TrackedShares
         Followed shares at which the summary counts an object as "mostly tracked" or "mostly lost".
     allow_empty : bool
-        Whether filters may leave out all rows. If false, this is an error.
+        Whether filters are allowed to leave out all rows. If false, this is an error.
     """
 
     evaluation: EvaluationRequest

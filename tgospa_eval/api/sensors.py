@@ -238,8 +238,8 @@ def associate(
     mapping : sequence of int, or pair of such, optional
         Indices of the state components to compare, as in `evaluate`.
     all_pairs : bool
-        Whether to measure all pairs of each step. By default only pairs that may be nearer than the
-        cutoff are measured; the association is the same.
+        Whether to measure all pairs of each step. By default, pairs that cannot be nearer than the
+        cutoff are not measured. The association is the same.
     a_format, b_format : str, optional
         Formats of the files `a` and `b`, if these are paths.
     a_columns, b_columns : str or sequence of str, optional

@@ -17,7 +17,7 @@ FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
 LARGEST_NUMBER = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
-"""Other names of options that a settings file may use, with the names of these options."""
+"""Other names for options in a settings file, each with the name of the option."""
 
 Settings: TypeAlias = dict[str, str | int | float | bool]
 """Values of options, by their names on the command line without leading dashes: ``max-gap``."""

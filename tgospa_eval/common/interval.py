@@ -35,7 +35,7 @@ EQUAL = 1e-9
 
 
 def overlap(first: Interval, second: Interval) -> bool:
-    """Return whether both intervals may contain the same value."""
+    """Return whether both intervals have a value in common."""
     return first.lower <= second.upper and second.lower <= first.upper
 
 

@@ -58,7 +58,7 @@ def chi_square(share: float, freedom: Floats | float) -> Any:
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Return the band of the mean of `count` independent NEES, with the probability `share`."""
+    """Return the band in which the mean of `count` independent NEES is with probability `share`."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))

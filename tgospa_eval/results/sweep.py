@@ -67,8 +67,9 @@ class SweepEvaluation:
     points : tuple of Point
         Points in the order of their values.
     settings, sizes, input, timings : dict
-        Records as in a `Result`. In this order: options without the swept parameter, numbers of
-        trajectories and steps, rows and digests of both files, and seconds by stage.
+        Records as in a `Result`. `settings` has the options without the swept parameter. `sizes`
+        has the numbers of trajectories and steps. `input` has rows and digests of both files.
+        `timings` has the seconds of each stage.
     version : str
         Version of the package that computed the sweep.
     warnings : tuple of Notice
