@@ -36,7 +36,7 @@ class Slice:
     localisation, missed, false, switch : float
         Costs, in state units to the power p.
     missed_count, false_count, switch_count : float
-        Numbers of missed and false object-steps, and of switches.
+        Numbers of missed targets, false targets and switches.
     truth_steps, estimate_steps : float
         Numbers of states of truth and of estimate in the slice. They are fractions if an attribute
         splits states between slices.

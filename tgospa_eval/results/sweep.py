@@ -31,7 +31,7 @@ class Point:
     localisation, missed, false, switch : float
         Costs, which sum to the total.
     missed_count, false_count, switch_count : float
-        Numbers of missed and false object-steps, and of switches.
+        Numbers of missed targets, false targets and switches.
     status : str
         Reason for which the solver stopped.
     finished : bool
