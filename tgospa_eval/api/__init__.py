@@ -1,1 +1,1 @@
-"""Requests of people and of the command line, and their results."""
+"""Evaluations, batches, rankings and gates, as Python and the command line request them."""

@@ -72,16 +72,15 @@ IN_MEMORY = "in memory"
 REPORT_FOLDER = "reports"
 
 FAULTS_SHOWN = 10
-"""Largest number of faults that are shown."""
+"""Largest number of shown messages about missing or wrong files."""
 
 DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that choose the evaluated steps. If one of them is given, the steps that a benchmark
 declares are not used."""
 
 FLUSH, SHARE = 2.0, 0.01
-"""Rows are written to the store every `FLUSH` seconds. If the share `SHARE` of the time since the
-start is longer, this share is used instead. A killed process loses the rows since the last write.
-"""
+"""Time between two writes of rows to the store: `FLUSH` seconds, or the share `SHARE` of the time
+since the start if this is longer. A killed process loses the rows since the last write."""
 
 MAX_PENDING_STEPS = 200_000
 """Largest number of steps that are kept in memory (about 30 MB) before they are written."""
@@ -108,8 +107,8 @@ class Batch(StudyReport):
     store : Store
         The store with the rows of jobs.
     page : bool
-        Whether the HTML page must be written. This is the case if jobs are new, an option changes
-        the page, or there is no page. For a shard, it is always false.
+        Whether the HTML page must be written: jobs are new, an option changes the page, or there is
+        no unchanged page. A shard writes no page.
     notices : tuple of str
         Further messages for the user.
     status : int
@@ -145,7 +144,7 @@ class Batch(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of trackers: the proven order, and a test of their difference."""
+        """A row for each pair of trackers: which is proven better, and a test of the difference."""
         import pandas as pd  # lazy: slow to import
 
         rankings = self.tables.rankings
@@ -250,11 +249,11 @@ def batch(
         runs. For the estimate, a mapping from the name of a tracker to its runs is also accepted.
         Jobs of data in memory have the labels ``tracker`` and ``run``.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, for data in memory, as in `evaluate`.
+        Indices of the state components to compare, for data in memory, as in `evaluate`.
     layout : {"motchallenge", "kitti"}, optional
         Layout of the folders of the truth and of the trackers.
     seqmap : str or path, optional
-        File with the sequences of a layout to evaluate.
+        File that lists the sequences to evaluate; needs `layout`.
     by : str or iterable of str
         Labels that define the groups; by default the first label. The rows of a group are added up.
     workers : int, optional
@@ -288,9 +287,9 @@ def batch(
     Raises
     ------
     ConfigError, InputError
-        An option or the manifest is wrong, or files are missing. Then no job is started. The error
-        is also raised if a worker of `scheduler` does not see a file, or if the data are
-        in memory and all jobs failed.
+        - Before any job is started: an option or the manifest is wrong, or files are missing.
+        - During the jobs: a worker of `scheduler` does not see a file.
+        - After the jobs: all of them failed. Only data in memory raise this error.
     """
     given = dict(locals())  # in the first line, so that these are only the parameters
     chosen = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
@@ -352,7 +351,8 @@ def batch(
 def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
     """Return the labels that ``--by`` names, each once.
 
-    A text with commas names several labels, unless it is itself one of the `known` labels.
+    A text with commas names several labels. Only if the whole text is one of the `known` labels, it
+    names this label.
     """
     names = [
         name
@@ -373,8 +373,8 @@ def evaluate_batch(
     Raises
     ------
     TgospaError
-        An option, the manifest or the store is wrong; then no job is started. Or a worker does not
-        see a file that this machine sees.
+        - Before any job is started: an option, the manifest or the store is wrong.
+        - During the jobs: a worker does not see a file that this machine sees.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
     _check_options(batch)
@@ -506,7 +506,7 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
 
 
 def _within(job: Job, time: str | None) -> Job:
-    """Return the job with only those of its frames that are within ``--time``.
+    """Return the job, limited to its frames within the range of ``--time``.
 
     Raises
     ------
@@ -606,8 +606,8 @@ def _left_over(
 ) -> Iterator[batch_row.JobTask]:
     """Yield the tasks that are not done, and tasks that lack requested steps, curves or folders.
 
-    The new row of a task replaces its row in `before`. If the old row has stored steps or a curve,
-    the task requests them again, so that they are not lost.
+    A repeated task also requests the steps and the curve that its row in `before` has, because the
+    new row replaces this row.
     """
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     known = before.reindex(columns=["key", "status", batch_row.NOT_WRITTEN, *numbers])
@@ -639,7 +639,7 @@ def _size(task: batch_row.JobTask) -> int:
 
 
 def _work(tasks: list[batch_row.JobTask], store: Store, engine: Engine, tell: Notify) -> list[Row]:
-    """Do the tasks, and store their rows from time to time and at the end, even if interrupted.
+    """Do the tasks. Store their rows from time to time, and at the end or after an interruption.
 
     Returns
     -------
@@ -733,7 +733,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
         curve_notes.append(
             f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
         )
-    # Without --by, the user requests no ranking. Reasons why there is none are then not shown.
+    # Only with --by, the user requests a ranking and is told why there is none.
     settings, unfinished = store.settings(), store.unfinished(len(rows))
     used = settings.get("settings_file")
     notes = (
@@ -764,7 +764,7 @@ def batch_files(
     wanted: "Pictures | None" = None,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> Files:
-    """Return the content of the files of the report, by the name of the file.
+    """Return the content of each file of the report, by file name.
 
     Parameters
     ----------
@@ -777,7 +777,7 @@ def batch_files(
     wanted : Pictures, optional
         Requested pictures.
     notify : callable
-        Function that receives the name of the next file and the share of the work that is done.
+        Function that receives the name of the next file, and the finished share of the work.
     """
     from tgospa_eval.show.html import batch_page  # lazy: shards write no page
 

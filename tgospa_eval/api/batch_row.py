@@ -70,8 +70,8 @@ class JobTask:
     base : str
         With a cluster: the folder to which paths are relative. Otherwise blank.
     store : str
-        Path of the settings file of the batch. A worker that does not see this file does not share
-        the file system.
+        Path of a file in the store of the batch. A worker that does not see this file does not
+        share the file system.
     settings_file : SettingsFile, optional
         Configuration file that set options of the batch.
     for_gate : bool
@@ -119,8 +119,8 @@ def key_of(
     files : iterable of str
         Files that are read.
     digest : callable, optional
-        Function that returns the digest of a file; by default `digest_of`. Give a function with a
-        cache if many jobs have the same file. Then the file is read only once.
+        Function that returns the digest of a file; by default `digest_of`. With a cache, it reads a
+        file that many jobs have only once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
@@ -178,9 +178,9 @@ def evaluate_job(
 ) -> Row:
     """Evaluate a job, and return its row.
 
-    If a file is wrong or the solver fails, the row has the message of the error. For a gate, it
+    If a file is wrong or the solver fails, the row has the message of the error. A row for a gate
     also has the error itself, or the HTML page if requested. `say` receives each line for the user
-    at once. Without `say`, the row has these lines.
+    immediately. Without `say`, a row for a gate has these lines.
     """
     # lazy: the process that starts the workers evaluates nothing
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides

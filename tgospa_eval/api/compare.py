@@ -74,16 +74,16 @@ ONE_EVALUATION = ("by", "preprocess", *OF_EVALUATE)
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
 ) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
-    """Return the checked options with the middle one of the values, and the parameters of points.
+    """Return the checked options of a sweep, and the parameters at each value.
 
-    Each of the `values` gives a point. Points are sorted by value. `name` is the parameter that
-    takes the values.
+    `name` is the parameter that takes the `values`. The options have the middle one of the values.
+    The parameters are sorted by value.
 
     Raises
     ------
     ConfigError, InputError
-        `evaluate` raises this error; or there is no value, a value is repeated, or one is out of
-        range.
+        An option is wrong, as for `evaluate`. Or there is no value, a value is repeated, or a value
+        is out of range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
     resolved = resolve_request(replace(request, by=None, **middle))
@@ -103,8 +103,8 @@ def sweep_sides(
 ) -> Sweep:
     """Read truth and estimate once, and evaluate them with the parameters of each point.
 
-    `name` is the parameter that has another value at each point. `sides` are truth and estimate.
-    The other arguments are described at `read_sides`.
+    A point is the evaluation with one value of the parameter `name`. `sides` are truth and
+    estimate. `read_sides` describes the other arguments.
     """
     read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
     points = sweep_fitted(
@@ -140,7 +140,7 @@ def sweep(
     cutoff, order, switch_penalty, rho : float or sequence of float
         Exactly one is a sequence, in any order, without repetitions.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
 
     Returns
     -------
@@ -150,13 +150,13 @@ def sweep(
     Warns
     -----
     TgospaWarning
-        The data look wrong. The check is that of `evaluate` with the middle one of the values.
+        The data look wrong. They are checked once, with the middle one of the values.
 
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises this error; a value is repeated; or none or several of the four parameters
-        are sequences.
+        An option or the data are wrong, as for `evaluate`; a value is repeated; or none or several
+        of the four parameters are sequences.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -184,7 +184,8 @@ COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
 """Pattern of a hint in the printed table: a command to type. In Python, such hints are removed."""
 
 Estimates: TypeAlias = "Mapping[str, Any] | Runs"
-"""Mapping from name to estimate or to runs, sequence of paths, or runs of one estimate."""
+"""Estimates to compare: a mapping from names to estimates or to their runs, a sequence of paths, or
+the runs of a single estimate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -196,8 +197,8 @@ class Compared(StudyReport):
     document : dict
         Document of ``--format json``.
     entrants : mapping of str to sequence of RunOutcome
-        For each ranked estimate, its outcome in each run, with the costs per step. Empty if solvers
-        are compared.
+        Outcomes of each ranked estimate, one for each run, with the costs per step. Empty if
+        solvers are compared.
     """
 
     document: Json
@@ -209,7 +210,7 @@ class Compared(StudyReport):
 
     @property
     def comparisons(self) -> "pd.DataFrame":
-        """A row for each pair of estimates: their proven order, and the difference of their values.
+        """A row for each pair of estimates: which is proven better, and the difference of values.
 
         The difference is the value of the second estimate minus that of the first.
         """
@@ -271,7 +272,7 @@ class Compared(StudyReport):
         return self._plot("error_over_epsilon", **options)
 
     def plot_convergence(self, **options: "Unpack[Drawing]") -> "Figure":
-        """Plot the bounds of the solver ``sinkhorn`` over its sweeps."""
+        """Plot the errors of both bounds over the sweeps (iterations) of the solvers."""
         return self._plot("convergence", **options)
 
 
@@ -317,7 +318,8 @@ def compare(
     Raises
     ------
     ConfigError, InputError, TypeError
-        `evaluate` raises this error, there is no estimate, or a solver is given twice.
+        An option or the data are wrong, as for `evaluate`; there is no estimate; or a solver is
+        given twice.
     """
     given: dict[str, Any] = {
         "cutoff": cutoff,
@@ -396,7 +398,7 @@ class PairReader:
     notify : callable
         Function that receives each notice.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     warnings_only : bool
         Whether `notify` receives only the warnings.
     """
@@ -557,7 +559,7 @@ HEAD = ("files", "input", "parameters", "warnings", "with")
 
 
 def are_saved(paths: Sequence[str]) -> bool:
-    """Return true if paths, or patterns of paths, name saved results; false if data files.
+    """Return true if paths, or patterns of paths, name saved results, not data files.
 
     Raises
     ------
@@ -587,8 +589,8 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     Raises
     ------
     TgospaError
-        Some paths are patterns and others are not, or the patterns do not fit each other. Or a
-        result is wrong, is a duplicate, or differs from the first in its truth or its parameters.
+        - Only some paths are patterns, or the patterns do not fit each other.
+        - A result is wrong or a duplicate, or has another truth or other parameters than the first.
     """
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):

@@ -29,8 +29,8 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
     """Return how to reduce particle clouds to `size` particles; None if no size is given.
 
-    If no size is given, options of a reduction are an error. One exception: `shared` names options
-    that the distance has, too.
+    Options that the reduction does not use are an error, except those in `shared`, which the
+    distance can use.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
 
 
 def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWasserstein":
-    """Return the distance `named`, which compares clouds, with the settings of the options.
+    """Return `named`, a distance of clouds, with the settings of the options.
 
     Raises
     ------

@@ -60,10 +60,10 @@ def evaluate(
         - a table ``id, t, x[, y[, z]]`` of pandas, Polars or a library with the Arrow interface
         - an array or tensor (T, k, d): T steps, k trajectories, d columns; NaN if absent
         - a pair ``(times, array)`` with such an array
-        - a dictionary whose keys are ids, with an array (T, d) or a pair ``(times, array)`` each
+        - a dictionary from each id to an array (T, d) or a pair ``(times, array)``
         - tracks or ground-truth paths of Stone Soup, with the parameter `mapping`
 
-        Arrays and tables have the state columns that the distance needs.
+        Arrays and tables must have the state columns that the distance needs.
     cutoff : float, optional
         Cutoff c > 0, in the unit of the distance. The default is 10.0, or 0.5 with ``"iou"``.
     order : float
@@ -72,9 +72,9 @@ def evaluate(
         Switch penalty gamma >= 0, in the unit of the distance. The default is 2.0, or 0.5 with
         ``"iou"``.
     mapping : sequence of int, or pair of such, optional
-        Positions of the components to compare, for tracks with state vectors: ``(0, 2)`` selects x
-        and y of ``(x, vx, y, vy)``. For different components of truth and estimate, give a pair of
-        such sequences.
+        For tracks and arrays in memory: indices of the state components to compare. ``(0, 2)``
+        selects x and y of ``(x, vx, y, vy)``. If truth and estimate have different components, give
+        a pair of sequences.
     memory : str or float, optional
         Largest memory of the evaluation, ``"4GB"`` or a number of GB; by default half of the memory
         of the machine. Folders of Parquet or CSV files, and files that would take more memory, are
@@ -189,7 +189,7 @@ def read_sides(
         Function that receives each notice; the command line gives one. If it is given, the message
         of an error about a folder or a pattern ends with a command that reads the files in it.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     known : dict, optional
         Cache of the truth that was read last; the key is its path. This function updates it. Pass
         the same dict for several estimates to read their truth once.

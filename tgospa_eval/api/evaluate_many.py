@@ -152,7 +152,7 @@ def evaluate_many(
     cutoff, order, switch_penalty : float, optional
         Parameters of `evaluate`.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     jobs : int, optional
         Number of processes. Several processes are used only if the work takes more than some
         seconds. The default is the number of cores.
@@ -262,7 +262,7 @@ def _worked(work: Any, chunks: list[Chunk], jobs: int) -> Iterator[tuple[int, li
 def _chunk(
     request: Request, mapping: "Components | None", chunk: Chunk
 ) -> tuple[int, list[Numbers]]:
-    """Evaluate a chunk; return the index of its first pair, and each pair's row and warnings."""
+    """Return the index of the first pair of a chunk, and the row and warnings of each pair."""
     resolved = resolve_request(request)
     begin, runs, pairs = chunk
     read = []
@@ -281,7 +281,7 @@ def _chunk(
         first = read[small[0]]
         alike = [k for k in small if is_like(read[k][2], first[2])] or small[:1]
         small = [k for k in small if k not in alike]
-        with suppress(ConfigError):  # pairs without costs are evaluated by themselves below
+        with suppress(ConfigError):  # pairs that cannot be joined are evaluated one by one later
             joined = JoinedPairs([read[k][2] for k in alike], first[3])
             sound[alike] = joined.sound()
             costs |= dict(zip(alike, joined.costs(), strict=True))

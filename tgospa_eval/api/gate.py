@@ -66,8 +66,12 @@ if TYPE_CHECKING:
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
     """Return the options that are given for a pair, by the names of the fields of `Request`.
 
-    They have four sources: the `entry` of the baseline at `path`, the settings file, the suite, and
-    the command line with the environment. Each source has priority over those before it.
+    There are four sources, and later ones have priority:
+
+    1. the `entry` of the baseline at `path`
+    2. the settings file
+    3. the suite
+    4. the command line and the environment
     """
     inherited = dict(entry["options"]) if entry else {}
     for key in _naming_files(inherited):
@@ -101,14 +105,16 @@ def judge_all(
     gate : GateOptions
         Options of the gate, such as rules and baseline.
     truth, estimate : str, optional
-        There are four cases: the files of truth and estimate; two stores, of which `truth` is the
-        baseline and `estimate` is judged; only `truth`, a store to judge; or neither, to judge the
-        suite.
+        One of the following:
+
+        - two files: the pair to judge
+        - two stores: `estimate` is judged, and `truth` is its baseline
+        - only `truth`: the store to judge
+        - neither: the suite is judged
     notify : callable
         Function that receives each line for the user.
     run : callable, optional
-        Function that receives the evaluation of a pair as a callable, and calls it in this process.
-        For example, it shows the progress.
+        Function that runs an evaluation in this process, and for example shows its progress.
 
     Raises
     ------
@@ -151,8 +157,7 @@ def judge_all(
 def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
     """Print warnings about groups and stored jobs, and return the report.
 
-    Nothing has printed these warnings yet: a group has no evaluation of its own, and jobs of stores
-    (`stored`) are not evaluated again.
+    All other warnings were printed during the evaluations. `stored` is true for jobs of a store.
     """
     for one in report.outcomes:
         for warning in one.warnings if stored or one.group else ():
@@ -276,10 +281,10 @@ def _with_faults(
     old: Baseline | None,
     path: str,
 ) -> Iterator[Job]:
-    """Yield the pairs, with a fault if one of their files differs from that of the target.
+    """Yield the pairs, with a fault if `target` has another truth, or another file of an option.
 
-    `target` is the git revision or folder of ``--against``, which provides the truth and the files
-    that options name. Pairs that the baseline lacks are marked as new.
+    `target` is the git revision or folder of ``--against``. Pairs that the baseline lacks are
+    marked as new.
     """
     known, tables = old or {}, judge_pairs.tables_of(gate, pairs, groups)
     seeds = {table.seed for table in tables}
@@ -297,9 +302,8 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # Runs whose labels differ only in the seed are of one scene. A run with a new seed is not
-        # new if three things hold: the target has its truth, the baseline has another run of its
-        # scene, and a group judges it.
+        # A pair that the baseline lacks is not marked as new if only its seed is new: the target
+        # has the truth, the baseline has a pair with the same other labels, and a group judges it.
         in_group = target.has(pair.truth) and scene(pair.labels) in scenes
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
@@ -372,8 +376,8 @@ def _evaluated(
         if "error" in row:
             yield row, {}
             continue
-        # Later runs inherit the recorded options. So settings of the solver are recorded only if
-        # they led to the requested accuracy.
+        # Later runs inherit the recorded options. Settings of the solver are not recorded if they
+        # missed the requested accuracy.
         recorded = {
             OPTION_SPECS[name].key: value
             for name, value in given[pair.name].items()
@@ -464,8 +468,8 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
 def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
     """Return the baseline in a file, or that of the jobs of a store; None if there is no file.
 
-    Jobs that failed are not in the baseline of a store. `renewed` returns true for entries that are
-    replaced later. In these entries, a merge conflict from git is no error.
+    Jobs that failed are not in the baseline of a store. `renewed` receives the name of an entry,
+    and returns whether an update will replace it. A merge conflict in such an entry is no error.
 
     Raises
     ------
@@ -487,8 +491,8 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     Raises
     ------
     ConfigError
-        An option applies only to evaluations; two baselines are given; both a store and a suite are
-        given; store and baseline are the same; or `second` is no store.
+        An option applies only to evaluations, or `second` is no store. Or too much is given: two
+        baselines, a store and a suite, or one store as both store and baseline.
     """
     typed = [*gate.given("commandline")]
     if gate.proof:
@@ -551,7 +555,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
 # The Python function ``gate``.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
-"""Options that change TGOSPA: the keyword of ``evaluate``, by the name in a baseline."""
+"""Keyword of ``evaluate`` for each option that changes TGOSPA, by its name in a baseline."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -647,8 +651,8 @@ def gate(
     against : str, optional
         Git revision or folder from which suite, baseline, truths and configuration are read.
     newer_than : str or path, optional
-        A time, or a file whose time of last change is used. A pair of a suite fails if its estimate
-        was last changed before.
+        A time, or a file that stands for the time of its last change. A pair of a suite fails if
+        its estimate is older.
     fail_on : str or iterable of str
         Rules such as ``"total:+2%"`` or ``"nees:1.5..2.5"``; by default ``"total:+0.001%"``.
     warn_on : str or iterable of str
@@ -661,8 +665,8 @@ def gate(
     confidence : float, optional
         Confidence of conclusions from runs with different seeds; 0.975 by default.
     seed_label : str, optional
-        Label of the random seed; ``"seed"`` by default. Runs that differ only in this label are
-        runs of one scene.
+        Label of the random seed; ``"seed"`` by default. Runs that differ only in this label repeat
+        one scenario.
     update_baseline : bool
         Whether to write the baseline instead of judging.
     add : bool
@@ -673,8 +677,8 @@ def gate(
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
     strict : bool
-        If true, a group above its limit fails, even if the choice of seeds can explain the excess.
-        A group with runs that the baseline lacks then does not pass.
+        Whether a group above its limit fails even if the choice of seeds can explain the excess. If
+        true, a group with runs that the baseline lacks does not pass either.
 
     Options that are not given come from the suite or the baseline. If these lack an option, it has
     the default of `evaluate`. Options of a suite must be texts or numbers. Objects such as
@@ -688,7 +692,8 @@ def gate(
     Raises
     ------
     ConfigError, InputError
-        `evaluate` raises this error, a rule is wrong, or the baseline or the suite cannot be read.
+        An option or the data are wrong, as for `evaluate`; a rule is wrong; or the baseline or the
+        suite cannot be read.
     TypeError
         The arguments are neither truth, estimate and baseline, nor a suite; or `limits` is not a
         mapping.

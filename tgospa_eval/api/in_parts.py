@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
-"""Number of bytes. If no limit of memory is given, files that have fewer are read at once."""
+"""Number of bytes. Smaller files are read at once if the user gives no limit of memory."""
 
 IN_PARTS = ("csv", "parquet")
 """Formats of files that can be read in parts."""
@@ -55,7 +55,7 @@ Moment: TypeAlias = tuple[str, float]
 
 
 def memory_of(limit: int | None) -> int | None:
-    """Return `limit`; if it is None, return half of the memory of the machine, None if unknown."""
+    """Return the limit, by default half of the memory of the machine; None if both are unknown."""
     if limit is not None:
         return limit
     whole = machine_memory()
@@ -230,8 +230,8 @@ def in_parts_if_large(
     Raises
     ------
     ConfigError
-        The data are read in parts, but an option needs all data at once. Or the data are not read
-        in parts, but an option needs this.
+        An option needs all data at once, but the data are read in parts; or an option is only for
+        data in parts, but the data are read at once.
     """
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)
@@ -256,8 +256,8 @@ def is_recording(folder: str, columns: str) -> bool:
 
     A folder of Parquet files is always one recording. A folder of CSV files is one recording if it
     has several files with the same header, and their ranges of time do not overlap. A folder of
-    nuScenes is no recording in parts. `columns` is the text of the options for columns. It can map
-    ``t`` to a header.
+    nuScenes is no recording in parts. `columns` is the text of the options for columns, which can
+    name the header of ``t``.
     """
     if is_table_folder(folder):
         return False

@@ -81,7 +81,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 
 def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Check that all `given` keywords of the function with this name are `known`.
+    """Check that all `given` keywords are `known`; `function` is a name for the message.
 
     Raises
     ------

@@ -24,7 +24,7 @@ from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
-"""Relative gap that is always reached. Outward rounding of the bounds can prevent smaller gaps."""
+"""Relative gap that can always be reached. Outward rounding of bounds can prevent smaller gaps."""
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -152,7 +152,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 def about_run(
     result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
-    """Yield which values did not reach the accuracy; if `verbose`, also times and progress."""
+    """Yield notices about missed accuracy; if `verbose`, also times and progress."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:

@@ -69,10 +69,11 @@ def _one_side(
 class Request(Values):
     """Options of an evaluation; None for options that were not given.
 
-    The help of an option describes its field. Three fields are no options. `pairwise` lets a
-    distance use the covariances of each pair. `sides` are the words for both files in the names of
-    options, as in ``--truth-columns``. `summed` says that slices are added to those of other
-    evaluations.
+    The help of an option describes its field. Three fields are no options:
+
+    - `pairwise`: whether a distance can use the covariances of each pair
+    - `sides`: first words of the options for a single file, ``truth`` in ``--truth-columns``
+    - `summed`: whether slices are added to the slices of other evaluations
     """
 
     cutoff: float | None = _metric(
@@ -634,10 +635,11 @@ OPTION_SPECS = Request.settings()
 """Specification of each option, by the name of its field."""
 
 NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
-"""Field of each option, by the name of the option in a settings file; without `OF_EVALUATE`."""
+"""Field of each option that all evaluating commands have, by the name of the option in settings
+files."""
 
 OF_EVALUATE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
-"""Names of fields. Their options exist only for `evaluate`."""
+"""Names of the fields whose options only `evaluate` has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 

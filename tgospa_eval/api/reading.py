@@ -42,7 +42,7 @@ ASIDE = {"det", "img1", "seqmaps"}
 """Names of folders of MOTChallenge that have no tracks."""
 
 DEEP = 4
-"""Largest number of parts of a path that a search finds: train/MOT17-02/gt/gt.txt has 4 parts."""
+"""Largest number of parts in the path of a found file: train/MOT17-02/gt/gt.txt has 4 parts."""
 
 MAX_FILES = 10_000
 """Number of files after which a search ends."""
@@ -128,7 +128,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
-    """Yield commands to type: they read files of the places that fit each other by their names."""
+    """Yield commands to type, which read files with the same name in both places."""
     shapes = [
         _shapes(("", (path,)) if place is None else place[1])
         for path, place in zip(paths, places, strict=True)
@@ -224,11 +224,10 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
 def _fit(
     shapes: Sequence[dict[str, dict[str, str]]], truth: str, estimate: str
 ) -> tuple[int, bool, int]:
-    """Return how well a shape of the truth and one of the estimate match; the largest is best.
+    """Return how well the shapes `truth` and `estimate` match; the largest tuple is the best.
 
-    The first number of the answer is the number of names that both shapes have. If two answers have
-    the same first number, the second one decides: it is true if the path of the truth has a part
-    ``gt``. The third number prefers short shapes.
+    The tuple has the number of common names, whether the path of the truth has a part ``gt``, and a
+    number that is larger for shorter shapes.
     """
     common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
     return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
@@ -267,9 +266,9 @@ def read_pair(
     names : tuple of str, optional
         Names of data in memory in messages; by default their roles.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     advise : bool
-        Whether a folder or a pattern of files is an error with a command to type.
+        Whether errors about a folder or a pattern of files end with a command to type.
     known : dict, optional
         Cache of the truth that was read last; the key is its path. This function updates it. Pass
         the same dict for several estimates to read their truth once.
@@ -425,10 +424,10 @@ def _covered(
 def _preprocessed(
     resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
-    """Return both sides. ``--preprocess`` leaves out rows by the rules of a benchmark.
+    """Return both sides, without the rows that the benchmark of ``--preprocess`` leaves out.
 
-    Without ``--preprocess``, all rows are returned. If a metric of MOTChallenge is requested, and
-    the truth has rows that this benchmark leaves out, the truth gets a warning.
+    Without ``--preprocess``, no rows are left out. If a metric of MOTChallenge is requested, the
+    truth gets a warning about rows that MOTChallenge leaves out.
 
     Raises
     ------
@@ -446,7 +445,7 @@ def _preprocessed(
     of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
-        """Read all rows of the truth: of all classes, and also those with a flag to ignore them."""
+        """Read all rows of the truth: of all classes, and rows with a flag to ignore them, too."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
         return read(paths[0], options, "truth", resolved.formats[0])
 

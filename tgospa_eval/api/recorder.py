@@ -92,10 +92,12 @@ class Recorder:
         Raises
         ------
         InputError
-            The frame is not added, for one of these reasons: an id is a duplicate; the time does
-            not increase; there are not as many states, covariances or weights as ids; the states
-            have another number of components or another kind (points, Gaussians, particles) than in
-            earlier frames.
+            The frame is wrong, and is not added. Examples:
+
+            - an id is a duplicate, or the time does not increase
+            - there are not as many states, covariances or weights as ids
+            - states have another number of components than before
+            - states are of another kind than before (points, Gaussians, particles)
         """
         t = t.item() if hasattr(t, "item") and hasattr(t, "__array__") else t  # array or tensor
         where = f"update at t = {t}"
@@ -170,7 +172,7 @@ class Recorder:
         Raises
         ------
         ConfigError, InputError
-            `tgospa_eval.evaluate` raises this error.
+            An option or the recorded data are wrong, as for `tgospa_eval.evaluate`.
         """
         columns = as_distance(options.get("distance")).columns
         truth, estimate = (self._trajectories(name, columns) for name in ROLES)

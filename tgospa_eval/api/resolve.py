@@ -62,13 +62,13 @@ class ResolvedRequest:
     frames : Frames, optional
         Coordinate frames of truth and estimate, if they are converted to one frame.
     coverage : str, optional
-        Circle or file of regions, as text of the option; rows outside are left out.
+        Text of ``--region`` for a circle or a file of regions; rows outside are left out.
     similarity : Calibration, optional
         How ``--similarity`` turns the value per step into a score from 0 to 1.
     tracked_shares : TrackedShares
         Followed shares at which the summary counts an object as "mostly tracked" or "mostly lost".
     allow_empty : bool
-        Whether filters may leave out all rows. If false, this is an error.
+        Whether filters are allowed to leave out all rows. If false, this is an error.
     """
 
     evaluation: EvaluationRequest
@@ -155,8 +155,8 @@ def resolve_request(options: Request) -> ResolvedRequest:
     InputError
         A file that an option names, such as that of a covariance, is missing or wrong.
     """
-    # Answers are cached by options. Not cached: options that name a file (it may change between two
-    # jobs of a batch) and options with arrays (they cannot be hashed).
+    # Results are cached, except with options that name a file or have an array: a file may change
+    # between two jobs of a batch, and an array cannot be hashed.
     named = options.covariance, options.inner_cov, options.step_weights, options.ignore_regions
     if any(name is not None for name in named):
         return _resolved(options)
@@ -227,10 +227,9 @@ def _resolved(options: Request) -> ResolvedRequest:
 
 @lru_cache(maxsize=8)
 def _kept(options: Request, _: str) -> ResolvedRequest:
-    """Return the cached answer of `_resolved` for these options and this spelling of options.
+    """Return the cached result of `_resolved` for the command line or for Python.
 
-    The answer contains names of options for messages. The command line and Python spell them
-    differently, so each has cached answers of its own.
+    The result contains names of options for messages, and Python spells the names differently.
     """
     return _resolved(options)
 
@@ -254,7 +253,7 @@ def _reading(
     columns : tuple of str
         Columns to read in addition to those of the states.
     numbered : bool
-        Whether rows need their position in the file.
+        Whether to keep the position of each row in its file.
     nees : bool
         Whether to read covariances or particles for NEES.
     """
@@ -537,8 +536,8 @@ def _each(
             option=f"{side}_columns",
             form=_form(options, role),
             of_tables=_of_tables(options, role),
-            # Angles must not be scaled like lengths. If the distance is an object, it is known only
-            # after reading which columns are angles. `read_pair` then converts the states.
+            # Angles must not be scaled like lengths. If the distance is an object, only the read
+            # file tells which columns are angles, and `read_pair` converts the states later.
             conversion=Conversion() if measure.is_record else conversion,
         )
         for (names, classes, where), (
@@ -556,7 +555,7 @@ def _each(
 
 
 def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return the names in a text with commas, or in an iterable; None for no option."""
+    """Return the names in a text with commas, or in an iterable; None for None."""
     if names is None:
         return None
     return tuple(part.strip() for part in (names.split(",") if isinstance(names, str) else names))

@@ -45,18 +45,21 @@ class Showable(Evaluation, Reportable):
     def slices(self, *by: str) -> tuple[Slicing, ...]:
         """Split costs and counts by an attribute, such as the class or the range at each step.
 
-        A localisation error or a missed target belongs to the attribute of the true object at the
-        step. A false target belongs to that of the estimate. A switch belongs to that of the true
-        object at the later of the two steps. Slices add up to the whole. If several assignments are
-        optimal, another one could give other slices. `Slicing.unique` is true if the assignment is
-        proven to be the only one.
+        The attribute is read as follows:
+
+        - for a localisation error or a missed target: from the true object at the step
+        - for a false target: from the estimate at the step
+        - for a switch: from the true object at the later of the two steps
+
+        Slices add up to the whole. Another optimal assignment could give other slices.
+        `Slicing.unique` is true if the assignment is proven to be the only optimal one.
 
         Parameters
         ----------
         *by : str
             Slices as for ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
-            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. Only
-            that option reads further columns of the files, such as ``visibility``.
+            ``"class * speed=0:5:20"``. By default the slices of ``evaluate(..., slices=)``. Columns
+            such as ``visibility`` are read from the files only if ``slices=`` names them.
 
         Returns
         -------
@@ -84,8 +87,8 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot the cost of each step as a bar, stacked: localisation, missed, false, switch.
 
-        If there are too many steps for this, a bar stands for several successive steps, and shows
-        the costliest of them. The label of the axis gives the number of these steps.
+        If there are too many steps, a bar shows the costliest of several successive steps. The
+        label of the axis gives the number of steps of a bar.
 
         Parameters
         ----------
@@ -117,23 +120,25 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot, for each step, the root of the mean cost of all steps up to this one.
+        """Plot, for each step k, the p-th root of the mean cost of the steps up to k.
 
         The costs are those of the assignment of the whole recording. With
-        ``evaluate(..., curve=True)``, the steps up to each step are evaluated by themselves. The
-        last value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
-        those of `plot_costs`; the total is always drawn.
+        ``evaluate(..., curve=True)``, the steps up to each k are evaluated by themselves. The line
+        of the total ends at ``normalised["tgospa"]``. Parameters, errors and return value are those
+        of `plot_costs`; the total is always drawn.
         """
         return self._plot("cumulative", style=style, components=components, **place)
 
     def plot_lanes(self, *, style: str = "screen", **place: "Unpack[Place]") -> "Figure":
-        """Plot a lane for each true object with its tracks, and for each track with false steps.
+        """Plot a lane (a row over time) for each true object, and for each track with false steps.
 
-        A framed gap is a missed target, and a triangle is a switch. The darker lower part of a bar
-        is the error as a share of the cutoff. If there are too many trajectories, lanes are given
-        first to those with missed or false steps or switches, then to the costliest. The others
-        share one lane. Its height is the number of missed or false targets. Parameters, errors and
-        return value are those of `plot_costs`.
+        The lane of an object shows its tracks as bars. The darker lower part of a bar is the error
+        as a share of the cutoff. A framed gap is a missed target, and a triangle is a switch.
+
+        If there are too many trajectories, some share the last lane: first those without missed
+        steps, false steps and switches, then those with low costs. The height in this lane shows
+        how many targets are missed or false. Parameters, errors and return value are those of
+        `plot_costs`.
         """
         return self._plot("lanes", style=style, **place)
 
@@ -146,10 +151,9 @@ class Showable(Evaluation, Reportable):
     ) -> "Figure":
         """Plot trajectories in two state columns, with missed and false targets and switches.
 
-        States can be boxes, normal distributions (drawn as 95 % ellipses) or particles. Their
-        shapes are drawn at some steps of a few trajectories. A second panel shows all shapes near
-        the assigned pair with the largest distance. For both, the states must have shapes in the
-        two columns.
+        Shapes of states are drawn at some steps of a few trajectories: boxes, or 95 % ellipses of
+        normal distributions and particle clouds. A second panel shows all ellipses near the
+        assigned pair with the largest distance. None are drawn if the columns cannot show them.
 
         Parameters
         ----------
@@ -194,7 +198,7 @@ class Showable(Evaluation, Reportable):
         components: Sequence[str] | None = None,
         **place: "Unpack[Place]",
     ) -> "Figure":
-        """Plot, at the middle of each sliding window, the root of the mean cost of its steps.
+        """Plot, at the middle of each sliding window, the p-th root of the mean cost of its steps.
 
         Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
 
@@ -240,9 +244,8 @@ class Showable(Evaluation, Reportable):
     def table(self, name: str | None = None) -> "pd.DataFrame | Columns":
         """Return a DataFrame of one row with all numbers, like a row of `Batch.rows`.
 
-        With `name`, return the table of this name as plain columns instead. A name is
-        ``"per_class"``, or that of a DataFrame of the result, such as ``"per_step"``. A table that
-        was not requested has no columns.
+        With `name`, return a table as plain columns instead: ``"per_class"``, or a DataFrame of the
+        result, such as ``"per_step"``. A table that was not requested has no columns.
 
         Raises
         ------
@@ -392,9 +395,10 @@ class Result(Showable, PairEvaluation):
 
         States are those that are evaluated, after scales, conversions and interpolation.
 
-        The assignment is kept as reported (envelope theorem). If the optimal assignment is unique,
-        these are the derivatives of the metric. Otherwise each is one of several directional
-        derivatives. `Gradient.unique` is true if the assignment is proven to be unique.
+        The assignment is kept fixed (envelope theorem). If it is the only optimal one, these are
+        the derivatives of the metric. If there are other optimal assignments, each derivative is
+        one of several directional derivatives. `Gradient.unique` is true if the assignment is
+        proven to be the only optimal one.
 
         Returns
         -------

@@ -113,7 +113,7 @@ class Association(Pairing):
         """Plot the states of both sensors in two state columns.
 
         The picture also shows which states are associated, which have no partner, and the gates
-        around the states of A. Parameters, errors and return value are those of
+        around the states of the first sensor. Parameters, errors and return value are those of
         `Result.plot_plane`.
         """
         from tgospa_eval.show.chart_list import plot  # lazy: slow to import
@@ -143,7 +143,7 @@ OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "whe
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
-    """Add further fields of a `Request` to the options of `associate`; users cannot set these."""
+    """Add the fields of a `Request` that users of `associate` cannot set."""
     return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
 
 
@@ -155,7 +155,7 @@ def associate_sides(
     *,
     all_pairs: bool,
 ) -> Association:
-    """Associate the states of two sensors; messages call the sensors by `names`."""
+    """Associate the states of two sensors; `names` are their names in messages."""
     fitted, _ = align_sides(resolved, sides, names)
     pairing = associate_states(
         fitted.alignment.truth,
@@ -198,7 +198,7 @@ def _read(
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
-    """Read all data like estimates, not like a truth; issue a Python warning if data look wrong."""
+    """Read the data of all sensors; issue a Python warning if they look wrong."""
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
@@ -236,10 +236,10 @@ def associate(
     cutoff : float
         Cutoff c > 0, in the unit of the distance.
     mapping : sequence of int, or pair of such, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     all_pairs : bool
-        Whether to measure all pairs of each step. By default only pairs that may be nearer than the
-        cutoff are measured; the association is the same.
+        Whether to measure all pairs of each step. By default, pairs that cannot be nearer than the
+        cutoff are not measured. The association is the same.
     a_format, b_format : str, optional
         Formats of the files `a` and `b`, if these are paths.
     a_columns, b_columns : str or sequence of str, optional
@@ -292,7 +292,7 @@ def reduce(
     size : int
         Number of particles of each cloud; smaller clouds stay as they are.
     mapping : sequence of int, optional
-        Components to compare, as in `evaluate`.
+        Indices of the state components to compare, as in `evaluate`.
     in_format : str, optional
         Format of `side`, if it is a path.
 

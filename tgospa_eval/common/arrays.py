@@ -21,9 +21,9 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
 
 
 def stretches(count: Ints, size: int) -> Ints:
-    """Split items into consecutive groups. The counts of a group add up to about `size`.
+    """Split items into consecutive groups in which the sum of `count` is about `size`.
 
-    The result has the index of the first item of each group, then the number of items.
+    The result has the index of the first item of each group, and at the end the number of items.
     """
     before = np.cumsum(count) - count
     begins: Ints = np.append(np.flatnonzero(np.diff(before // size, prepend=-1)), len(count))
@@ -31,9 +31,9 @@ def stretches(count: Ints, size: int) -> Ints:
 
 
 def in_batches(items: Iterable[T], size: Callable[[T], int], batch_size: int) -> Iterator[list[T]]:
-    """Yield the items in lists. All but the last have a total size of at least `batch_size`.
+    """Yield the items in lists with a total size of at least `batch_size`; the last can be smaller.
 
-    The same list is emptied and filled again, because only one batch shall be in memory.
+    To save memory, all batches are the same list object, which is emptied and filled again.
     """
     batch: list[T] = []
     total = 0

@@ -17,7 +17,7 @@ FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
 LARGEST_NUMBER = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
-"""Other names of options that a settings file may use, with the names of these options."""
+"""Other names for options in a settings file, each with the name of the option."""
 
 Settings: TypeAlias = dict[str, str | int | float | bool]
 """Values of options, by their names on the command line without leading dashes: ``max-gap``."""
@@ -174,8 +174,7 @@ def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
         return FILE, read_toml(FILE, content)
     try:
         content = read("pyproject.toml") or b""
-        # The file is parsed only if it has the name of the table, because parsing takes 15 ms of
-        # each start.
+        # Parsing takes 15 ms at each start, and is done only if the file has the name of the table.
         has_table = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
     except ConfigError:
         return None, {}  # a broken pyproject.toml is not reported: other programs use it, too

@@ -1,9 +1,10 @@
 """JSON documents: read strictly, and checked against a description of their fields.
 
 A description of a value is a `FieldKind`. For a list, it is a list with the description of the
-items. For an object, it is a dict with the description of each field by name. Other fields are
-allowed; if the dict has the key ``...``, they must fit the description at this key. `Maybe` is for
-fields that may be missing, `Closed` is for objects in which no other fields are allowed.
+items. For an object, it is a dict with the description of each field by name. The object can have
+other fields; if the dict has the key ``...``, all other fields must fit the description at this
+key. `Maybe` describes a field that can be missing. `Closed` describes an object without other
+fields.
 """
 
 import json
@@ -35,7 +36,7 @@ class FieldKind:
 
 @dataclass(frozen=True)
 class Maybe:
-    """Field that may be missing.
+    """Description of a field that can be missing.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class Maybe:
 
 
 class Closed(dict[Any, Any]):
-    """Description of an object whose fields are only the described ones."""
+    """Description of an object that has no other fields than the described ones."""
 
 
 def _is_number(value: object) -> bool:
@@ -67,7 +68,7 @@ TIME = FieldKind(
 
 
 def or_null(kind: FieldKind) -> FieldKind:
-    """Return the kind of values that are null or of the given kind."""
+    """Return a kind that also allows null."""
     return FieldKind(f"{kind.name}, or null", lambda value: value is None or kind.fits(value))
 
 

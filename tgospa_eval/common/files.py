@@ -21,7 +21,7 @@ CHUNK = 1 << 24
 """Bytes that are read at once if the length is unknown."""
 
 PIPE_PATIENCE = 2.0
-"""Seconds of waiting for a pipe or a terminal after which a notice tells the user."""
+"""Seconds before the user is told that the program waits for a pipe or a terminal."""
 
 
 def _silent(text: str) -> None:
@@ -57,7 +57,7 @@ def reason(error: Exception) -> str:
 def patience(path: str, what: str) -> Iterator[None]:
     """Announce that the program waits for a pipe or a terminal, if the block takes long.
 
-    `what` is the begin of the message about the awaited thing, such as "data from".
+    The message has `what` before the path: "data from", for example.
     """
     timer = threading.Timer(PIPE_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True

@@ -35,7 +35,7 @@ EQUAL = 1e-9
 
 
 def overlap(first: Interval, second: Interval) -> bool:
-    """Return whether both intervals may contain the same value."""
+    """Return whether both intervals have a value in common."""
     return first.lower <= second.upper and second.lower <= first.upper
 
 
@@ -71,9 +71,9 @@ def narrowest(brackets: Sequence[Interval]) -> Interval:
 
 
 def excess(value: float, floor: float) -> float:
-    """Return (value - floor) / floor, but 0 for a value that is not above the floor.
+    """Return (value - floor) / floor; 0 if the value is not above the floor.
 
-    For a larger value, the result is infinite if the floor is 0.
+    For a value above a floor of 0, the result is infinite.
     """
     if value <= floor:
         return 0.0

@@ -14,9 +14,10 @@ from tgospa_eval.common.files import reason
 
 
 def compiled(name: str) -> Any:
-    """Import a compiled extension module; return None if it is missing.
+    """Import a compiled extension module; return None if it is missing or disabled.
 
-    If it is missing, callers use slower code. ``TGOSPA_EVAL_KERNEL=numpy`` disables all of them.
+    Without the module, callers use slower code. ``TGOSPA_EVAL_KERNEL=numpy`` disables all compiled
+    modules.
     """
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
@@ -104,8 +105,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Number of calls for each thread that are submitted before their results are taken. The number is
-small, because the results that wait need memory."""
+"""Number of calls for each thread that are submitted ahead. It is small, because results that wait
+need memory."""
 
 
 def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:

@@ -1,9 +1,9 @@
 """Patterns of paths with fields, ``runs/{tracker}/{sequence}.txt``, and the files that match.
 
 A pattern can also name a variable in a file of MATLAB, ``study.mat:X``, or cells of a variable:
-``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB. A function `Inside` of the
-caller lists variables and cells. This module itself opens no files, except those by which this
-program recognises its folders of results.
+``study.mat:Y{run}`` matches ``Y{1}``, ``Y{2}`` and so on, as in MATLAB. The caller gives a function
+`Inside` that lists the variables and cells of a file. This module opens only the files by which
+this program recognises its folders of results.
 """
 
 import functools
@@ -60,9 +60,13 @@ def match_files(
 ) -> tuple[list[tuple[str, dict[str, str]]], dict[str, str]]:
     """Return the files that match a pattern, without those that users did not mean.
 
-    Files in the store of a batch, or in a folder of results, are skipped unless the pattern names
-    that folder without a field. A truth that matches the pattern of the estimates is skipped if
-    this pattern has all fields of the pattern of the truths and at least one more.
+    These files are skipped:
+
+    - files in the store of a batch or in a folder of results, if a field of the pattern matches the
+      name of this folder or of a folder above it
+    - files with a dot at the begin of a name, if the pattern does not have this dot
+    - truths that match the pattern of the estimates, if this pattern has all fields of the pattern
+      of the truths and at least one more
 
     Parameters
     ----------
@@ -127,10 +131,9 @@ def match_files(
 
 
 def _dotted(pattern: str, path: str) -> str | None:
-    """Add a dot to the pattern before each field that matches a name with a dot in this path.
+    """Return the pattern with a dot before each field that stands for a name with a first dot.
 
-    Only fields at the begin of a name count. If no field matches a name that begins with a dot, the
-    result is None.
+    The result is None if no name in the path begins with a dot that a field of the pattern matches.
     """
     if path[:1] != "." and "/." not in _slashed(path):  # most paths have no dots
         return None
@@ -142,9 +145,9 @@ def _dotted(pattern: str, path: str) -> str | None:
 
 
 def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
-    """Yield each folder of a path that a field names or that is below such a folder.
+    """Yield the ways to split a path into a folder and the rest.
 
-    The rest of the path is yielded with each folder.
+    The folder is named by a field, or is below a folder that a field names.
     """
     parts = _slashed(path).split("/")
     named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
@@ -157,7 +160,7 @@ def _slashed(path: str) -> str:
 
 
 def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the same as `matching_paths`, and also paths that match but for a dot before a name."""
+    """Yield what `matching_paths` yields, and also paths in which a field matches a first dot."""
     import glob  # lazy: only patterns need it
 
     file, variable = _split(pattern)
@@ -183,7 +186,7 @@ def values_of(pattern: str, folder: str, path: str) -> dict[str, str] | None:
 
 
 def is_ambiguous(pattern: str, path: str) -> bool:
-    """Return whether the fields of a pattern can have different values with which it matches."""
+    """Return whether a path matches a pattern with more than one set of values of the fields."""
     slashed = _slashed(path)
     greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
@@ -193,7 +196,7 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
     """Return the regular expression of a pattern.
 
-    With ``+`` for `repeated`, each field matches as much as possible, with ``+?`` as little.
+    If `repeated` is ``+``, each field matches as much as possible; if it is ``+?``, as little.
     """
     file = _split(pattern)[0]
     parts = re.split(FIELD, _of_cell(pattern))

@@ -38,11 +38,11 @@ class Status(StrEnum):
 T = TypeVar("T")
 
 SOON, PACE = 1.0, 0.5
-"""Seconds until proven bounds are first displayed, and seconds until the next are displayed."""
+"""Seconds before proven bounds are displayed first, and seconds between two displays of bounds."""
 
 
 class StoppedError(Exception):
-    """Error that work was abandoned: a stop was requested, but the work could not be stopped."""
+    """Error after a request to stop: the work could not be stopped and was abandoned."""
 
 
 class Progress:
@@ -53,7 +53,8 @@ class Progress:
     watched : bool
         Whether the progress is displayed.
     stop : Event, optional
-        Event that other work has, too. If it is set, both stop. By default, a new event.
+        Event to share with other work. If it is set, all work that shares it stops. By default, a
+        new event.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class Progress:
     bracket : pair of float, optional
         Proven bounds of TGOSPA. If the work has several parts, they are those of the current part.
     left : float, optional
-        Estimated seconds that the rest of the pieces of work in `Stopwatch.paced` will take.
+        Estimated seconds until all pieces of work of `Stopwatch.paced` are done.
     """
 
     def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
@@ -89,7 +90,7 @@ class Progress:
         return self.watched and time.monotonic() > self._due
 
     def silent(self) -> "Progress":
-        """Return a progress for inner work. No display reads it, but it has the same stop event."""
+        """Return a progress that no display reads, but with the same event to stop."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
@@ -101,7 +102,7 @@ class Progress:
 
     @contextmanager
     def part(self, name: str, number: int, count: int) -> Iterator[None]:
-        """Report that the block does a part of the work: index `number`, from 0, of `count`."""
+        """Report that the block does one of `count` parts of the work; `number` is its index."""
         outer, around = self._span, self.name
         self._span = (outer[0] + outer[1] * number / count, outer[1] / count)
         self.name, self.bracket = f"{name}, {number + 1} of {count}", None
@@ -125,7 +126,7 @@ class Progress:
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:
-        """Report proven bounds of the total cost. They are converted to TGOSPA by `scale`."""
+        """Report proven bounds of the total cost, in units of cutoff^p."""
         bracket = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
         if self.bracket is not None:  # bounds that were proven before may be nearer
             bracket = max(bracket[0], self.bracket[0]), min(bracket[1], self.bracket[1])
@@ -133,14 +134,14 @@ class Progress:
         self._due = max(self._due, time.monotonic() + PACE)
 
     def in_thread(self, work: Callable[[], T]) -> T:
-        """Do work in a thread. If a stop is requested, the caller need not wait for its end.
+        """Do work in a thread, which the caller can leave behind if a stop is requested.
 
         If the progress is not displayed, the work is done in the calling thread.
 
         Raises
         ------
         StoppedError
-            A stop is requested. The thread continues, but its result is not used.
+            A stop is requested. The thread continues, but nobody uses its result.
         """
         if not self.watched:
             return work()
@@ -223,8 +224,8 @@ class Limit:
 
 
 PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
-"""Seconds of work after which the time for the rest is estimated first. If this estimate is more
-than `ANNOUNCED_FROM` seconds, the user is told."""
+"""Seconds of work before the first estimate of the remaining time, and the smallest estimate, in
+seconds, that the user is told."""
 
 
 class Stopwatch:
@@ -288,15 +289,15 @@ class Stopwatch:
         """Yield pieces of work as they are done, and estimate the time for the remaining pieces.
 
         The estimate uses the time of the finished pieces. `works` has the amount of work of each
-        piece, in any unit. In the message to the user, `what` names the work, and `hint` is the
-        end.
+        piece, in any unit. The message to the user begins with `what`, the name of the work, and
+        ends with `hint`.
         """
         works = list(works)
         begin, first, done, whole, announced = -1.0, 0.0, 0.0, sum(works), False
         try:
             for piece, work in zip(pieces, works, strict=True):
                 done += work
-                # The time counts from the end of the first piece, when all threads are busy.
+                # Time is measured from the end of the first piece, when all threads are busy.
                 if begin < 0:
                     begin, first = self._clock(), done
                 spent = self._clock() - begin

@@ -1,7 +1,8 @@
-"""Registries of members by name, such as base distances and file formats.
+"""Registries: objects of one kind by name, such as base distances or file formats.
 
-Members belong to this package or to other packages. Other packages declare them as entry points. A
-registry imports nothing slow, because the command line needs the names for its help.
+The objects are called members. They belong to this package, or to other packages, which declare
+them as entry points. A registry imports nothing slow, because the command line needs the names for
+its help.
 """
 
 import os
@@ -92,7 +93,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises
         ------
         ConfigError
-            No member has this name, or several members have it. Or the import of the member fails.
+            No member or several members have this name, or the import of the member fails.
         """
         if not isinstance(name, str) or name not in self:
             raise ConfigError(f"no {self.kind} {quoted(name)}; there are {', '.join(self)}")
@@ -102,7 +103,7 @@ class Registry(Mapping[str, T], Generic[T]):
     def blamed(
         self, name: str, error: type[TgospaError] = ConfigError, where: str = ""
     ) -> Iterator[None]:
-        """Turn an error of a member that the block uses into one that names the member's package.
+        """Turn an error of the member `name` in the block into one that names its package.
 
         Three kinds of errors do not change: those of members of this package, `TgospaError` and
         `MemoryError`. `error` is the class of the new error, and `where` begins its message.

@@ -107,12 +107,12 @@ def sizes_in_words(sizes: Mapping[str, int]) -> str:
 
 
 def more(count: int) -> str:
-    """Format the number of further mistakes of the same kind as one that is shown."""
+    """Format how many of `count` equal mistakes are not shown, because only one is shown."""
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
 def in_both(steps: Mapping[str, int]) -> str:
-    """Format the number of steps that both files have, or at which both sides have states."""
+    """Format the number of steps in both files, or the number of steps with states of both."""
     if "truth" in steps:
         return (
             f"{counted(steps['counted'], 'step counts', 'steps count')}: {steps['truth']:,} with "
@@ -137,7 +137,7 @@ def install(extra: str) -> str:
 
 
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Return a sort key by which numbers in a text are in numerical order: a2 is before a10."""
+    """Return a sort key that compares numbers in texts by value: a2 is before a10."""
     if text.isascii() and text.isdigit():  # most ids
         digits = text.lstrip("0")
         return [(0, len(digits), digits)], text

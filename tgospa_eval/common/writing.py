@@ -55,8 +55,8 @@ def writing(output: str | Path, where: str = "", *, shared: bool = False) -> Ite
     where : str
         Begin of the message about a full disk; by default the folder.
     shared : bool
-        Whether other processes may write the same folder at the same time. If they do, the first
-        complete folder stays.
+        Whether other processes can write the same folder at the same time. The first complete
+        folder stays.
 
     Raises
     ------
@@ -136,8 +136,8 @@ def take_lock(
 ) -> bool:
     """Lock an open file. Return True if the whole file is locked.
 
-    On Windows, only `size` bytes from `at` on are locked, and the result is False. There, `shared`
-    and `wait` have no effect.
+    On Windows, `size` bytes from the position `at` are locked, and the result is False. `shared`
+    and `wait` have no effect on Windows.
 
     Raises
     ------
@@ -275,9 +275,11 @@ def replace_files(
 ) -> int:
     """Move the files of the folder `fresh` into the folder `path`.
 
-    First, the manifest is written with the old and the new files, and the file `document` is
-    removed. Then unchanged files of the older run that have no new version are removed. Finally,
-    the new files are moved, the document last. The result is the number of removed old files.
+    1. The manifest is written with the old and the new files. The file `document` is removed.
+    2. Files of the older run are removed if they are unchanged and have no new version.
+    3. The new files are moved, the document last.
+
+    The result is the number of files that step 2 removed.
     """
     names = {name for name, *_ in files}
     for name in names:  # first, so that an error comes before any file is removed

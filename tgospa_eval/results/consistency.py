@@ -58,7 +58,7 @@ def chi_square(share: float, freedom: Floats | float) -> Any:
 
 
 def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
-    """Return the band of the mean of `count` independent NEES, with the probability `share`."""
+    """Return the band in which the mean of `count` independent NEES is with probability `share`."""
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
@@ -88,7 +88,8 @@ class NeesSums:
         Number of pairs inside the region of 95 %.
     neighbours, products, ends : float
         Two NEES are neighbours if they belong to the same object and estimate at consecutive steps.
-        These are the number of such neighbours, and the sums of their products and of their sums.
+        `neighbours` is the number of pairs of neighbours. For each such pair, the product of both
+        NEES is added to `products`, and their sum to `ends`.
     ranks : (d, 10) tuple of tuple of float
         For clouds: for each component, the number of true states in each tenth of the distribution
         of the particles.
@@ -279,10 +280,11 @@ def nees_sums(
 
 
 def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: int) -> Columns:
-    """Return the mean NEES, and its band, of the pairs with each `index` below `size`.
+    """Return the mean NEES and its band for each group of assigned pairs.
 
-    The numbers are None for an index without a pair. The band assumes that errors are independent,
-    such as those of different tracks at one step.
+    `index` has the group of each pair, from 0 to `size` - 1. The numbers of a group without a pair
+    are None. The band assumes that errors in a group are independent, such as those of different
+    tracks at one step.
     """
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
@@ -292,9 +294,9 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
 
 
 def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
-    """Return the mean NEES and its band; `count` has numbers of pairs, `total` sums of NEES.
+    """Return the mean NEES and its band for each group of pairs; NaN for a group without a pair.
 
-    The numbers are NaN if there is no pair.
+    `count` has the number of pairs of each group, and `total` the sum of their NEES.
     """
     columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)

@@ -1,6 +1,7 @@
-"""Numbers and tables of an evaluation, or of several that were added up. Draws and saves nothing.
+"""Numbers and tables of an evaluation, or of several that were added up.
 
-A side is the truth or the estimate. Symbols (c, p) are those of docs/theory/notation.md.
+This module draws and saves nothing. A side is the truth or the estimate. Symbols (c, p) are those
+of docs/theory/notation.md.
 """
 
 import math
@@ -103,7 +104,7 @@ class Evaluation(ABC):
     slicings : tuple of Slicing
         Costs and counts split by attributes, if requested.
     sums : dict
-        Sums that allow to compute other metrics of several recordings together. Keys are
+        Sums from which other metrics of several recordings together are computed. Keys are
         ``metric.name``; values of HOTA are lists with a number for each threshold.
     unjudged : Unjudged, optional
         States that were ignored, excused and absorbed, if there are any.
@@ -233,12 +234,12 @@ class Evaluation(ABC):
 
     @property
     def existence_mismatch(self) -> float | None:
-        """Part of localisation by different probabilities of existence; None without these."""
+        """Part of localisation by different existence probabilities; None without probabilities."""
         return (self.split or {}).get("existence_mismatch")
 
     @property
     def expected_localisation(self) -> float | None:
-        """The other part, by errors of states that exist; None without probabilities."""
+        """Localisation cost without `existence_mismatch`; None without probabilities."""
         mismatch = self.existence_mismatch
         if mismatch is None:
             return None
@@ -261,7 +262,7 @@ class Evaluation(ABC):
 
     @property
     def counts(self) -> dict[str, float]:
-        """Missed and false object-steps, and switches (halves and fractions are possible)."""
+        """Numbers of missed targets, false targets and switches; fractions are possible."""
         split = self.proof.breakdown
         return {
             "missed": float(split.missed_count.sum()),
@@ -273,9 +274,9 @@ class Evaluation(ABC):
     def ignored(self) -> dict[str, float] | None:
         """Numbers of states that are not evaluated; None if all states are evaluated.
 
-        ``truth_states`` counts ignored states of the truth. ``absorbed`` sums the weights with
-        which estimates are assigned to these. ``excused`` counts estimates that cost nothing if
-        they are false.
+        ``truth_states`` counts ignored states of the truth. ``absorbed`` is the sum of the weights
+        of the estimates assigned to ignored states. ``excused`` counts states of the estimate that
+        cost nothing if they are false.
         """
         return None if self.unjudged is None else self.unjudged.totals
 
@@ -295,7 +296,8 @@ class Evaluation(ABC):
     def normalised(self) -> dict[str, float]:
         """Values ``(total / n) ** (1 / order)`` and their bounds.
 
-        For ``tgospa``, n is the number of steps; for ``per_object``, of states of the truth.
+        For ``tgospa``, n is the number of steps of the horizon. For ``per_object``, n is the number
+        of states of the truth that count.
         """
         total, bounds, root = self.proof.breakdown.total, self.proof.bounds, self.proof.outward_root
         each = {"tgospa": self.evaluated_on.each, "per_object": self.evaluated_on.truth_states}
@@ -510,22 +512,25 @@ class Evaluation(ABC):
 
     @property
     def split_parts(self) -> dict[str, float]:
-        """Parts of localisation by name, if the distance or the metric distinguishes any."""
+        """Parts of localisation by name; empty if the distance and the metric have none."""
         parts = {name: getattr(self, name) for name in records.SPLIT_PARTS}
         return {name: part for name, part in parts.items() if part is not None}
 
     def metrics(self) -> dict[str, float]:
         """Return the numbers as a flat dict of floats, for loggers of experiments.
 
-        Names are those of the JSON, with a dot between levels. There are always ``tgospa``,
-        ``total``, ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
-        ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
-        ``counts.switch``, ``normalised.tgospa`` and its bounds. If the distance has such parts,
-        there are ``localisation_mean`` and ``localisation_spread``. With probabilities of existence
-        there are ``expected_localisation`` and ``existence_mismatch``. States that are not
-        evaluated are counted in ``ignored.truth_states`` and others. Requested metrics have names
-        such as ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``.
-        Defined numbers of the summary have names such as ``summary.detection_rate``.
+        Names are those of the JSON, with a dot between levels:
+
+        - always: ``tgospa``, ``total``, ``lower_bound``, ``upper_bound``, ``relative_gap``,
+          ``certified`` (1 or 0), ``localisation``, ``missed``, ``false``, ``switch``,
+          ``counts.missed``, ``counts.false``, ``counts.switch``, ``normalised.tgospa``,
+          ``normalised.lower_bound``, ``normalised.upper_bound``
+        - if the distance compares covariances: ``localisation_mean``, ``localisation_spread``
+        - with probabilities of existence: ``expected_localisation``, ``existence_mismatch``
+        - if states are not evaluated: ``ignored.truth_states`` and other counts
+        - for requested metrics: names such as ``with.hota.HOTA``, ``similarity``, ``nees``,
+          ``nees.anees``, ``nees.inside``
+        - for defined numbers of the summary: names such as ``summary.detection_rate``
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -555,9 +560,10 @@ class Evaluation(ABC):
         ----------
         false_targets : float
             Number n of false targets at each step. An estimate whose only errors are n false
-            targets at each step gets `score`. By default that of ``--similarity``.
+            targets at each step gets `score`. By default, n and `score` are those of
+            ``--similarity``.
         score : float
-            Score of such an estimate.
+            Score for n false targets at each step; used only with `false_targets`.
 
         Returns
         -------

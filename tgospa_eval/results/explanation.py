@@ -43,7 +43,7 @@ class Repair:
     estimates : tuple of str
         Ids of the tracks that the repair changes; empty if it changes all.
     tracks : tuple of int
-        Indices of these tracks among the ids of the estimate.
+        Indices of the tracks in `estimates` among all ids of the estimate.
     begin, end : int, float or str, optional
         First and last time of the change.
     shift : int
@@ -169,8 +169,7 @@ class Explanation:
     def repaired(self, rank: int = 1) -> Trajectories:
         """Return the estimate after the repair of this rank, in the units of its file.
 
-        It has only the rows that were evaluated. Of the other columns of the file, it has those
-        that options needed.
+        It has only the rows that were evaluated, and only the columns that the evaluation needed.
 
         Raises
         ------

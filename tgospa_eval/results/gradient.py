@@ -30,8 +30,8 @@ class Gradient:
     first_particle : (R + 1,) int array, optional
         Index of the first particle of each state.
     cutoff, switch_penalty : float
-        Derivative of ``total`` by this parameter. For the switch penalty 0 and order 1, the second
-        is NaN, because every number of switches is then optimal.
+        Derivative of ``total`` by this parameter. At a switch penalty of 0 and order 1, switches
+        are free and their number is not determined, so the derivative by the penalty is NaN.
     root : float
         Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
     shown_unique : callable
@@ -64,8 +64,8 @@ class Gradient:
     def unique(self) -> bool:
         """True if the prices show that the best assignment of near pairs is the only one.
 
-        Then the derivatives are those of the metric, except at kinks of the base distance. False
-        means that this is not shown. It is computed at the first access.
+        If true, the derivatives are those of the metric, except at kinks of the base distance. If
+        false, nothing is proven. The value is computed at the first access.
         """
         return self.shown_unique()
 

@@ -41,7 +41,7 @@ class StoredTables:
     Parameters
     ----------
     folder : str
-        Folder of the tables, whose names `name_of` returns.
+        Folder of the tables.
     """
 
     def __init__(self, folder: str) -> None:
@@ -156,9 +156,9 @@ def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
 
 
 MAX_RECORDS = 100_000
-"""Largest number of steps, or of switches, that are records in the JSON document.
+"""Largest number of rows of a table that is written into the JSON document.
 
-If there are more, the document only names the table."""
+The document only names larger tables."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -174,7 +174,8 @@ class PartitionedResult(Evaluation):
     tracking : dict
         Numbers of the summary that can be computed by sums over the parts.
     followed : (k,) float array
-        Share of followed states of each of the k true objects, NaN if no state of it counts.
+        Share of followed states of each of the k true objects; NaN for an object of which no state
+        counts.
     """
 
     tables: StoredTables

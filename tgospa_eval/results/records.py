@@ -79,7 +79,7 @@ class Costs:
     breakdown: Breakdown
 
     def root_error(self, cost: Floats | float) -> Floats:
-        """Return a bound of the relative error of the p-th root by the rounding of 1/p."""
+        """Return a bound of the relative error that rounding 1/p causes in the p-th root."""
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.parameters.order
 
@@ -96,8 +96,8 @@ class Costs:
     def numbers(self, gap: float, steps: int) -> dict[str, Any]:
         """Return the main numbers of a row of a table: value, bounds, cost, parts and counts.
 
-        `gap` is the largest relative gap of an exact value. `steps` is the number of steps for the
-        normalised value.
+        `gap` is the largest relative gap of an exact value. The normalised value is per step of
+        `steps` steps.
         """
         root, scale, split = self.parameters.root, self.parameters.scale, self.breakdown
         lower, upper = self.total_bounds
@@ -134,7 +134,7 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
     sha256 : str
         Digest of the rows that are evaluated.
     off : mapping of str to int
-        Numbers of rows that are left out because their steps do not count, by option.
+        For each option that chooses steps, the number of rows that are left out.
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
     record = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
@@ -292,9 +292,9 @@ def members_in_words(settings: Mapping[str, Any]) -> str:
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:
-    """Round a value down (`sign` -1) or up (1), by more than its error.
+    """Round a computed value down (`sign` -1) or up (1), to be surely a bound of the exact value.
 
-    The error is that of a power and some products, plus the relative error `error`.
+    The computation is a power and some products. `error` is a further relative error.
     """
     if not value:
         return 0.0
@@ -334,7 +334,7 @@ class ComparedSides:
     truth_clouds, estimate_clouds : Clouds, optional
         Particles of the states.
     reports : ClockReports, optional
-        Reports behind the rows of the estimate, if it is on a common clock.
+        The report from which each row of the estimate comes, if the estimate is on a common clock.
     """
 
     timestamps: NDArray[Any]
@@ -363,7 +363,7 @@ class PairProof(Costs):
     prices : (K,) float array
         Price of each slot, which proves the lower bound.
     reduced : tuple of Reduced
-        Blocks whose lower bound comes from a smaller cutoff.
+        Blocks of the problem whose lower bound is proven at a smaller cutoff.
     compared : ComparedSides
         Both sides as they were compared, with their times and ids.
     """

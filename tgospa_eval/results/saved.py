@@ -38,9 +38,9 @@ from tgospa_eval.results.summary import SUMMARY
 # -------------------------------------------------------------------------------------------------
 # Check that stored numbers fit each other, in saved results, stores of batches and baselines.
 #
-# A rule says that a number must fit others, such as a total its parts. Names of numbers are those
-# in the JSON of a result, with a dot between levels. A rule is skipped if one of its numbers is
-# missing. Tolerances allow for the rounding of sums and roots.
+# A rule relates numbers: for example, a total must be the sum of its parts. Names of numbers are
+# those in the JSON of a result, with a dot between levels. A rule is skipped if one of its numbers
+# is missing. Tolerances allow for the rounding of sums and roots.
 
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances: of numbers that must be equal, and of sums."""
@@ -55,7 +55,7 @@ SPLITS = (SPLIT_PARTS[:2], SPLIT_PARTS[2:])
 """Two groups of parts of localisation; each sums to localisation."""
 
 UNLIKE_COUNTS = ("step_weights", "existence")
-"""Parameters with which costs are not multiples of counts."""
+"""Parameters that make costs no multiples of counts."""
 
 Rule = tuple[str, Mask, Floats, str]
 """Name of the tested number, mask of the rows in which it is right, the number that it must fit,
@@ -122,7 +122,7 @@ def _close(
 
 
 def _of_bracket(table: Mapping[str, Floats]) -> Iterator[Rule]:
-    """Yield rules for the bounds, for the value between them, and for the total, its power."""
+    """Yield rules for value, bounds and relative gap, and for the total as a power of the value."""
     order = table["order"]
     rounding = AGREE * order
     for lower, value, upper in (
@@ -263,7 +263,7 @@ PARAMETERS: dict[str, Any] = {
     "rho": Maybe(COST),
     **{name: Maybe(COST) for name in ("gap", "epsilon", "time_limit")},
 }
-"""Schema of the parameters whose values are used. Others are only compared with each other."""
+"""Schema of the parameters whose values are used. Other parameters are only compared."""
 
 NOTICE = Closed({"code": TEXT, "text": TEXT, "remedy": TEXT})
 
@@ -365,7 +365,7 @@ def result_fault(document: Json) -> str | None:
 
 
 def added(values: Iterable[float]) -> float:
-    """Sum floats; unlike `math.fsum`, a sum that overflows is infinite."""
+    """Sum floats; return infinity if the sum overflows, where `math.fsum` raises an error."""
     return sum(map(float, values))
 
 

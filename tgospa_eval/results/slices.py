@@ -36,10 +36,10 @@ class Slice:
     localisation, missed, false, switch : float
         Costs, in state units to the power p.
     missed_count, false_count, switch_count : float
-        Numbers of missed and false object-steps, and of switches.
+        Numbers of missed targets, false targets and switches.
     truth_steps, estimate_steps : float
-        Numbers of states of truth and of estimate in the slice. Some attributes split a state
-        between slices; its share is then added.
+        Numbers of states of truth and of estimate in the slice. They are fractions if an attribute
+        splits states between slices.
     assigned_steps, squared_error : float
         Number of assigned states of the truth in the slice, and the sum of their squared errors;
         NaN in results of older versions.
@@ -140,7 +140,7 @@ class Slicing:
 
     @classmethod
     def of(cls, record: Json) -> "Slicing":
-        """Restore the slices from a record of `record`."""
+        """Restore the slices from the result of `record`."""
         slices = [
             Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS if name in row})
             for row in record["slices"]

@@ -16,7 +16,7 @@ Quantity: TypeAlias = Callable[[float], str]
 """Function that formats a number with its unit."""
 
 SUMMARY = "summary"
-"""Name of the record. In tables and rules, names of its numbers begin with it and a dot."""
+"""Name of the summary in the JSON. Tables and rules have names such as ``summary.rmse``."""
 
 NUMBERS = (
     *("assigned_states", "truth_states", "estimate_states", "detection_rate", "precision"),
@@ -33,14 +33,14 @@ NUMBERS = (
 """Names of all numbers, except the RMSE of each state column, ``rmse_by_axis.NAME``."""
 
 SHARES = ("detection_rate", "precision", "purity", "completeness", "latency.gain")
-"""Names of the numbers that are shares, of which the largest value is best."""
+"""Names of the numbers that are shares, for which the largest value is best."""
 
 LOWER = (
     *("rmse", "mean_error", "median_error", "p95_error", "rmse_along_track", "rmse_across_track"),
     *("mostly_lost", "fragments", "switches_per_truth", "never_tracked", "time_to_first", "breaks"),
     *("false_tracks", "false_tracks_per_step", "cardinality_mean_absolute", "cardinality_rms"),
 )
-"""Names of the numbers of which the smallest value is best."""
+"""Names of the numbers for which the smallest value is best."""
 
 POOLED = {
     "detection_rate": "truth_states",
@@ -104,7 +104,10 @@ class TrackedShares:
     tracked: float = 0.8
 
     def counts(self, followed: Floats) -> Json:
-        """Count the objects between the limits by their followed shares (k,), without NaN."""
+        """Count mostly tracked, partly tracked and mostly lost objects.
+
+        `followed` (k,) has the followed share of each object. Objects with NaN are not counted.
+        """
         known = followed[followed == followed]
         tracked, kept = (int((known >= share).sum()) for share in (self.tracked, self.lost))
         return {
@@ -148,7 +151,7 @@ class Summary:
     per_estimate: Mapping[str, Floats | Ints]
 
     def columns(self, table: str) -> Columns:
-        """Return the columns of the table ``per_truth`` or ``per_estimate``; None if undefined."""
+        """Return the columns of ``per_truth`` or ``per_estimate``; undefined numbers are None."""
         columns: Mapping[str, Floats | Ints] = getattr(self, table)
         return {
             name: [value if math.isfinite(value) else None for value in values.tolist()]

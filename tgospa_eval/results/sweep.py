@@ -31,7 +31,7 @@ class Point:
     localisation, missed, false, switch : float
         Costs, which sum to the total.
     missed_count, false_count, switch_count : float
-        Numbers of missed and false object-steps, and of switches.
+        Numbers of missed targets, false targets and switches.
     status : str
         Reason for which the solver stopped.
     finished : bool
@@ -67,8 +67,9 @@ class SweepEvaluation:
     points : tuple of Point
         Points in the order of their values.
     settings, sizes, input, timings : dict
-        Records as in a `Result`. In this order: options without the swept parameter, numbers of
-        trajectories and steps, rows and digests of both files, and seconds by stage.
+        Records as in a `Result`. `settings` has the options without the swept parameter. `sizes`
+        has the numbers of trajectories and steps. `input` has rows and digests of both files.
+        `timings` has the seconds of each stage.
     version : str
         Version of the package that computed the sweep.
     warnings : tuple of Notice
@@ -120,7 +121,7 @@ class SweepEvaluation:
         """Return the indices of the first and last point of the longest range with equal counts.
 
         `counts` are the names of the compared fields. None means that neighbouring points always
-        differ. Nothing is proven between the points.
+        differ. The counts at values between two points are not known.
         """
         same = [
             all(abs(getattr(a, name) - getattr(b, name)) < 1e-6 for name in counts)
