@@ -78,6 +78,8 @@ def test_similarity_of_the_calibration() -> None:
     assert ten.similarity(50).score == pytest.approx(0.71378, abs=1e-5)
     with pytest.raises(ConfigError, match="give the number of false targets"):
         ten.similarity()
+    with pytest.raises(ConfigError, match="a score needs the number of false targets"):
+        evaluate(many, many, 10, 2, 1, similarity=50).similarity(score=0.2)
     with pytest.raises(ConfigError, match="needs steps that all count the same"):
         evaluate(many, many, 10, 2, 1, step_weights=[1.0]).similarity(50)
     for wrong in ((0,), (np.inf,), (5, 1.0)):

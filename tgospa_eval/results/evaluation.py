@@ -563,7 +563,7 @@ class Evaluation(ABC):
             targets at each step gets `score`. By default, n and `score` are those of
             ``--similarity``.
         score : float
-            Score for n false targets at each step; used only with `false_targets`.
+            Score for n false targets at each step; allowed only with `false_targets`.
 
         Returns
         -------
@@ -573,12 +573,14 @@ class Evaluation(ABC):
         Raises
         ------
         ConfigError
-            A number is out of its range, or the steps are weighted, so that a value per step has no
-            meaning.
+            A number is out of its range; `score` is given without `false_targets`; or the steps are
+            weighted, so that a value per step has no meaning.
         """
         calibration = self.calibration
         if false_targets is not None:
             calibration = records.Calibration(false_targets=false_targets, score=score)
+        elif score != records.DEFAULT_SCORE:
+            raise ConfigError("similarity: a score needs the number of false targets")
         if calibration is None:
             raise ConfigError(
                 "similarity: give the number of false targets per step for which the score is 0.1"
