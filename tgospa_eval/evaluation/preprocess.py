@@ -307,7 +307,7 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
 
 
 def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
-    """Return the rows of the mask `keep`, on all steps of the file.
+    """Return only the rows of the mask `keep`; all steps of the file stay.
 
     The number of rows left out is recorded under the name `rule`.
     """
