@@ -228,7 +228,7 @@ def _interpolated(
 ) -> Axis:
     """Return both sides after one is interpolated at the timestamps of the other.
 
-    If outages of the estimate count, an interpolated truth also has its own timestamps in them.
+    If outages of the estimate count, an interpolated truth keeps its own timestamps in the outages.
     """
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]

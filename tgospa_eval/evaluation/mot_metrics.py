@@ -274,11 +274,11 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 
 
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
-    """Return a mask of the assignment with the largest score at each step.
+    """Return a mask of the pairs in the assignment with the largest score at each step.
 
-    `score` receives the slice of the pairs of a step, and a mask of the pairs assigned before. It
-    returns a score above 0 for each pair of the slice. The mask has one more element at the end,
-    which is False.
+    `score` receives the slice of the pairs of a step, and a mask of the pairs assigned before. The
+    mask that it receives has one more element, False, at the end. It returns a score above 0 for
+    each pair of the slice.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 

@@ -50,7 +50,7 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 MAX_DISTINCT = 20
-"""Largest number of distinct numbers that get a slice each, if no edges are given."""
+"""If no edges are given, and there are at most so many distinct numbers, each gets a slice."""
 
 MAX_SLICES, MAX_CROSSINGS = 200, 5_000
 """Largest number of slices by one attribute; largest number by two attributes."""

@@ -47,7 +47,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     gap : float
         Relative gap that counts as exact.
     everywhere : bool
-        Whether pairs without gain are tested too. Such pairs decide when a switch counts.
+        Whether pairs without gain are tested too. They decide at which step a switch counts.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:

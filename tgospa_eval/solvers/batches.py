@@ -329,7 +329,7 @@ class Answer:
     open : int array
         Blocks that were not solved.
     work, sweeping : int, float
-        Number of states in a half sweep, summed over all half sweeps; and the seconds of sweeps.
+        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     history : tuple of dict

@@ -72,8 +72,7 @@ class Ascent:
         Bits that the last `mark` set for each state: NEAR, NEEDED, LOSES, BEST and TEMPTED, which
         kernels/ascent.pxi explains.
     work, sweeping : int, float
-        Work of the sweeps: the number of states, including "none", summed over all half sweeps. And
-        the seconds of the sweeps.
+        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     open : (B,) bool array

@@ -39,9 +39,10 @@ CUTOFF_ROOM = 16.0
 
 STEP, LEAP = 2.0**6, 2.0**1000
 """Factors by which a scale grows if it is too small. An attempt at a smaller cutoff calls
-`solve_at_fitting_cutoffs` again, and this inner call may try still smaller cutoffs. If a block was
-attempted before, these were tried before, and the factor in the inner call is LEAP. LEAP leads
-directly to the cutoff of the attempt. In all other calls the factor is STEP."""
+`solve_at_fitting_cutoffs` again, and this inner call can try still smaller cutoffs. In the first
+attempt of a block, the factor is STEP also in the inner call. In later attempts, the factor of the
+inner call is LEAP, which leads directly to the cutoff of the attempt. The reason is that the
+smaller cutoffs were tried before."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]

@@ -16,11 +16,11 @@ method), which does not perturb the solution.
 
 A *round* is one call of `solve_nearest`. In a first round `exact` is False, in a last round True.
 
-Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
+Sources: Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
-programming" (Computational Optimization and Applications 1996); regularised as in Friedlander and
-Orban, "A primal-dual regularized interior-point method for convex quadratic programs" (Mathematical
-Programming Computation 2012).
+programming" (Computational Optimization and Applications 1996). The regularisation is that of
+Friedlander and Orban, "A primal-dual regularized interior-point method for convex quadratic
+programs" (Mathematical Programming Computation 2012).
 """
 
 from collections.abc import Callable
