@@ -47,9 +47,10 @@ SIZE = 1 << 18
 """Largest number of near pairs that are solved together, if there are several suffixes."""
 
 ENTERED = 1 - 1e-9
-"""Smallest loss of a pair that was entered from "none", as a share of the switch price.
+"""Share of the switch price that shows if a pair was entered from "none".
 
-The loss is that of its value, compared with "none". Without rounding, the share would be 1."""
+It was, if its value is below that of "none" by at least this share. Without rounding, the share
+would be 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

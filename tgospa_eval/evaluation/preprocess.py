@@ -52,7 +52,7 @@ HIDDEN = ("truncated", "occluded")
 MAX_OCCLUDED, MIN_HEIGHT = 2, 25
 """Largest occlusion of an evaluated true object; height in pixels that estimates must exceed.
 
-A truncated true object is not evaluated either."""
+Truncated true objects are not evaluated."""
 
 MIN_MATCH = 0.5 - TRACKEVAL_EPS
 """Smallest IoU of boxes that match."""

@@ -80,7 +80,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """Windows of a block, and their answers so far; the answers may come from several threads.
+    """Windows of a block, and their answers so far, which can come from several threads.
 
     Parameters
     ----------

@@ -181,8 +181,8 @@ MAX_TRACE, MAX_LINKS = 1000, 5_000_000
 """Largest number of sweeps of a trace, and largest number of links (`kernels.Chain`)."""
 
 MET, STILL = 1e-7, 1e-9
-"""A trace ends in two cases. The gap between primal and dual is at most the share MET of the dual,
-or the last sweeps changed the dual by at most the share STILL of it."""
+"""A trace has converged in two cases: the gap between primal and dual is at most the share MET of
+the dual, or the last sweeps changed the dual by at most the share STILL of it."""
 
 NEVER = 700.0
 """Ratio of switch price to temperature above which the mass of switches is 0 in doubles."""

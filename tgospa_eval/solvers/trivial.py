@@ -1,4 +1,4 @@
-"""Blocks that are solved directly, before any solver: one row, or one step at a time."""
+"""Blocks that need no solver: those with a single row, and those whose steps are independent."""
 
 import itertools
 
@@ -96,7 +96,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
 
 
 def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
-    """Return the claimed states that share a slot with a claimed state of larger preference."""
+    """Return the claimed states that lose a slot to another claimed state."""
     slots = states.columns
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]

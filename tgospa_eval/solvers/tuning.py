@@ -157,7 +157,7 @@ class Programming:
 
     group: int = 3000
     """Approximate number of states of a programme that several components share. The time of the
-    simplex method grows faster than the size of the programme, so larger programmes take longer
+    simplex method grows faster than the size of the programme, so one large programme takes longer
     than several small ones."""
 
     after: int = 10
@@ -167,8 +167,8 @@ class Programming:
     quick: int = 500
     build: float = 1e-5
     """A programme of up to `quick` states needs no thread, because it takes hardly any time.
-    `build` is the time, in seconds per state, for building a programme and starting HiGHS: 3 to 10
-    us measured."""
+    `build` is the time in seconds per state for building a programme and starting HiGHS. Measured
+    were 3 to 10 microseconds."""
 
     tolerance: float = 1e-9
     """Error of the dual value that the tolerance of HiGHS may cause for each state. If the open gap
@@ -232,7 +232,7 @@ class Windowing:
     """
 
     undecided: int = 50_000
-    """Number of undecided states above which windows are used. Not measured."""
+    """Number of near states that are not decided, above which windows are used. Not measured."""
 
     span: int = 25
     widen: int = 4

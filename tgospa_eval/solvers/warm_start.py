@@ -32,9 +32,9 @@ class SavedSolution:
         Assigned pairs, and the first and the last step of each assignment.
     weight : (A,) float array
         Weight of each assignment.
-    priced, step : (B,) int arrays
+    priced, step : (P,) int arrays
         Estimate and first step of each price.
-    price : (B,) float array
+    price : (P,) float array
         Prices, > 0.
     estimates, steps : int
         Number of estimates and of steps of the problem.

@@ -1,8 +1,9 @@
 """Warnings about truth and estimate before anything is solved: clocks, units, axes.
 
 A warning changes no number. A suspected fault of the clock, the units, the axes or the origin is
-corrected as a trial. There is a warning if this at least halves the per-step GOSPA cost. For the
-clock, this cost leaves out objects that are missed or false before and after the correction.
+corrected as a trial. There is a warning if the correction at least halves the per-step GOSPA cost.
+In a trial of the clock, objects that are missed or false before and after the correction do not
+count.
 
 Other warnings need no trial: pairs that are near only by chance, values that cannot be intended,
 timestamps that nearly match or do not match, outages of the estimate, and gaps of the truth.

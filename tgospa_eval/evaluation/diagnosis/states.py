@@ -1,7 +1,7 @@
 """Warnings about the states: truth and estimate may differ in units, axes or origin.
 
-A trial undoes each suspected fault at some steps that both have. There is a warning of a fault only
-if this at least halves the per-step GOSPA cost.
+A trial undoes each suspected fault at some steps of both sides. There is a warning only if the
+trial at least halves the per-step GOSPA cost.
 """
 
 import re
