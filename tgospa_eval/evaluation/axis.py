@@ -94,9 +94,9 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def shortest_differences(differences: Floats, periods: Sequence[float] | None) -> Floats:
-    """Return differences of states (N, d), the shorter way round in components with a period.
+    """Return differences of states (N, d), the shorter way round in columns with a period.
 
-    `periods` has the period of each component, infinite if there is none.
+    `periods` has the period of each column, infinite if it has none.
     """
     if periods is None:
         return differences
@@ -228,7 +228,7 @@ def _interpolated(
 ) -> Axis:
     """Return both sides after one is interpolated at the timestamps of the other.
 
-    If outages of the estimate count, an interpolated truth also has its own timestamps in them.
+    If outages of the estimate count, an interpolated truth keeps its own timestamps in the outages.
     """
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
@@ -302,9 +302,9 @@ def _find_outages(
 
     `near_times` are the timestamps at which an estimate is near a true object. The first and the
     last timestamp of the truth, and those of `near_times` between them, divide time into intervals.
-    The length of an interval is the time in it with a true object. An interval is an outage if it
-    is longer than `TimeMatching.outage`. If that is not a duration, it must be longer than
-    `SILENCE` times the median time between consecutive `near_times`.
+    The length of an interval is the time in it with a true object. An outage is an interval that is
+    longer than `TimeMatching.outage`. If this option is not a duration, the limit is `SILENCE`
+    times the median time between consecutive `near_times`.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
@@ -326,7 +326,7 @@ def _find_outages(
     silent = lengths > longest
     if not silent.any():
         return None
-    # A timestamp of the truth at the end of an interval belongs to it, not to the next one.
+    # A timestamp of the truth between two intervals belongs to the earlier one.
     place = np.searchsorted(ends, own, side="left") - 1
     inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
     return Outages(
@@ -340,7 +340,7 @@ def _find_outages(
 def between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
     """Return intervals between consecutive rows of an object: track, both steps, and length.
 
-    Objects with a single row count as one object, with track -1.
+    All objects with a single row together count as one object, with track -1.
     """
     is_single = np.bincount(truth.track)[truth.track] == 1
     track = np.where(is_single, -1, truth.track)
@@ -352,7 +352,7 @@ def between_rows(truth: Trajectories) -> tuple[Ints, Ints, Ints, Floats]:
 
 
 def _longest_gap(spans: Floats, matching: TimeMatching) -> float:
-    """Return the longest interval between two rows of an object across which it exists."""
+    """Return the longest interval between two rows across which an object exists."""
     if matching.interpolate == "truth":
         return float(matching.gaps[0])
     return SILENCE * float(np.median(spans)) if len(spans) else 0.0

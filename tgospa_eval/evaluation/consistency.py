@@ -109,9 +109,9 @@ def ranks(
     weight: Floats,
     periods: Sequence[float] | None = None,
 ) -> Floats:
-    """Return a histogram of the ranks of true states among the particles, for each component.
+    """Return a histogram of the ranks of true states among the particles, for each state column.
 
-    The histogram has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of
+    The result has the shape (d, 10). Let n be the effective number of particles, 1 / (sum of
     squared weights). Let S be the weight of the particles below the true state, plus half the
     weight of equal particles. The rank is spread evenly between n S / (n + 1) and
     (n S + 1) / (n + 1). If the particles are drawn from the posterior, the true state is like one

@@ -4,10 +4,10 @@ The whole problem is that of all steps. A block is one of its components. A *pre
 to some step. A *suffix* has the last steps of a prefix. The solution of the whole problem gives a
 bracket of the cost of each prefix.
 
-If such a bracket is wider than requested, it is open. Then a suffix of the prefix is solved, as
-short as possible. Before the suffix, the assignment is that of the whole problem. A path in the
-suffix begins with the best value that it can have up to there. Many suffixes are solved together in
-one problem. The solver of this problem starts from the solution of the whole problem.
+A bracket is *open* if it is wider than requested. For a prefix with an open bracket, only a suffix
+is solved, as short as possible. Before the suffix, the assignment of the whole problem is kept. A
+path in the suffix begins with the best value that a path can have before it. Many suffixes are
+solved together as one problem, and the solver starts from the solution of the whole problem.
 """
 
 import itertools
@@ -47,9 +47,10 @@ SIZE = 1 << 18
 """Largest number of near pairs that are solved together, if there are several suffixes."""
 
 ENTERED = 1 - 1e-9
-"""Share of the switch price by which a pair is worse than "none", if it was entered from "none".
+"""Share of the switch price that shows if a pair was entered from "none".
 
-Without rounding, the share would be 1."""
+It was, if its value is below that of "none" by at least this share. Without rounding, the share
+would be 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +78,7 @@ class _Listed:
         return cls(which=which[order], key=key[order], steps=steps)
 
     def spans(self, block: Ints, begin: Ints, end: Ints) -> tuple[Ints, Ints]:
-        """Return where the elements of each stretch begin in the list, and how many there are.
+        """Return, for each stretch, the index of its first element, and the number of its elements.
 
         A stretch has the steps from `begin` to `end` of a block.
         """
@@ -100,11 +101,11 @@ class Before:
     pair : int array
         Index of the pair.
     weight : int array
-        Weight of the pair in the whole solution, in units of 1/ONE.
+        Weight of the pair in the solution of the whole problem, in units of 1/ONE.
     value, none, other : float arrays
-        Upper bounds of the best value that a path of the row of the pair can have up to the step
-        before the suffix. At this step, the path is in the pair (`value`), in "none" (`none`), or
-        in a pair that is not listed (`other`).
+        Upper bounds of the values of paths up to the step before the suffix, in the row of the
+        pair. At this step, the path is in the pair (`value`), in "none" (`none`), or in a pair that
+        is not listed (`other`).
     """
 
     ending: Ints
@@ -116,7 +117,7 @@ class Before:
 
     @classmethod
     def nothing(cls) -> "Before":
-        """Return the empty state, for suffixes that are whole blocks."""
+        """Return empty arrays, for suffixes that begin at the first step of their block."""
         ints, floats = np.zeros(0, np.int64), np.zeros(0)
         return cls(ending=ints, pair=ints, weight=ints, value=floats, none=floats, other=floats)
 
@@ -128,15 +129,16 @@ class SuffixProblem:
     Parameters
     ----------
     problem : Problem
-        All suffixes, one after the other in time. If `before` has the values of a suffix, the step
-        before it is included. There, the gain of a pair is its value above that of "none".
+        All suffixes, one after the other in time. If a suffix has elements in `before`, the step
+        before the suffix is included. At this step, the gain of a pair is its value minus that of
+        "none".
     origin : tuple of int arrays
         For each object, estimate and step of this problem, its index in the whole problem.
     block, begin, end : (E,) int arrays
         Block, and first and last step of each suffix in the whole problem.
     first : (E,) int array
-        First step of each suffix in this problem. If the step before a suffix is included, it is
-        that step.
+        First step of each suffix in this problem, or the step before the suffix if this step is
+        included.
     before : Before
         Assignment and best values at the step before each suffix.
     """
@@ -168,7 +170,7 @@ class SuffixProblem:
 
 
 class Suffixes:
-    """Suffixes of the whole problem, from which problems of their own are made.
+    """Suffixes of the whole problem, from which separate problems are made.
 
     `weights` (S,) is the assignment of the whole problem, in units of 1/ONE.
     """
@@ -229,7 +231,7 @@ class Suffixes:
         return suffix, pair
 
     def assigned(self, pair: Ints, step: Ints) -> Ints:
-        """Return the weights of pairs at steps of their blocks, in the whole solution."""
+        """Return the weight of each pair at a step of its block, in the whole solution."""
         key = pair * np.int64(self.states.problem.steps) + step
         weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
         return weights
@@ -300,9 +302,9 @@ class Suffixes:
     def _worth(self, begin: Ints, before: Before) -> Floats:
         """Return how much better each listed pair is than "none" at the step before a suffix.
 
-        The result may be negative. If a pair was entered from "none", nothing is lost by entering
-        it at a later step instead. The result of such a pair is made smaller, because the tie would
-        cost the solver time.
+        The result can be negative. If a pair was entered from "none", it is just as good to enter
+        it later. The result of such a pair is made smaller, because the solver would need time for
+        the tie.
         """
         price = self.states.problem.switch_price_at[begin][before.ending]
         worth: Floats = before.value - np.maximum(before.none, before.other - price)
@@ -312,19 +314,19 @@ class Suffixes:
 class _Mixed:
     """Order of two lists after they are merged by suffix.
 
-    The elements of one suffix stay together, and those of the second list come first.
+    For each suffix, the elements of the second list come before those of the first list.
 
     Parameters
     ----------
     ending, other : int arrays
-        Index of the suffix of each element of the first list, and of the second list, sorted.
+        Index of the suffix of each element, in the first list and in the second list, sorted.
     suffixes : int
         Number of suffixes.
 
     Attributes
     ----------
     first, second : int arrays
-        Positions of the elements of each list in the merged list.
+        Indices of the elements of each list in the merged list.
     """
 
     def __init__(self, ending: Ints, other: Ints, suffixes: int) -> None:
@@ -353,9 +355,9 @@ def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 
 class SeparateStretches:
-    """Stretches of blocks, each with steps from `begin` to `end`, that are solved together.
+    """Stretches of blocks that are solved together, each with the steps from `begin` to `end`.
 
-    Each stretch is a problem of its own: the steps before it do not matter.
+    The stretches are independent of each other, and of the steps before them.
 
     Parameters
     ----------
@@ -375,7 +377,7 @@ class SeparateStretches:
         self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.joint.origin)
 
     def of_whole(self) -> tuple[Floats, Floats, Floats]:
-        """Return the same results as `solve`, but from the solution of the whole problem."""
+        """Return results in the form of `solve`, from the solution of the whole problem."""
         (weights,) = self.warm_start.weights
         return self._proven(
             Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
@@ -411,7 +413,7 @@ class SeparateStretches:
 
 
 class SuffixSolver:
-    """Solver of suffixes; before a suffix, the assignment is that of the whole problem.
+    """Solver of suffixes; before a suffix, the assignment of the whole problem is kept.
 
     Calls of `solve` must be in the order of the first steps of the suffixes.
 
@@ -420,7 +422,7 @@ class SuffixSolver:
     suffixes : Suffixes
         Suffixes of the whole problem.
     prefixes : PrefixBounds
-        Bounds of all prefixes, as the solution of the whole problem proves them.
+        Bounds of all prefixes, which the solution of the whole problem proves.
     saved : SavedSolution
         Solution of the whole problem.
     """
@@ -438,16 +440,21 @@ class SuffixSolver:
         """Solve suffixes that begin after the first step of their block.
 
         A cell stands for a prefix: it is a block and the last step of the prefix. Each step of a
-        suffix is the last step of a prefix, and the first result has the cells of all these
-        prefixes. A cell can occur several times. The other results are the bounds of the prefixes,
-        in the form of `SeparateStretches.solve`.
+        suffix is the last step of one prefix.
+
+        Returns
+        -------
+        cell : int array
+            Cells of these prefixes. A cell can occur several times.
+        parts, lower, error : float arrays
+            Bounds of the prefixes, in the form of `SeparateStretches.solve`.
         """
         before, rest = self._before(block, begin, end)
         joint = self.suffixes.make_problem(block, begin, end, before)
         states = merge_runs(joint.problem, transpose=False)
         warm_start = make_warm_start(states, (self.saved,), (1.0,), joint.origin)
-        # The best values at the step before a suffix include the prices up to this step, so these
-        # prices are 0 here.
+        # The values in `before` include the prices up to the step before the suffix, so the prices
+        # at this step are 0 here.
         until_then = np.zeros(joint.problem.steps, bool)
         until_then[joint.first] = True
         prices = np.where(until_then[states.columns.step], 0.0, warm_start.prices)
@@ -458,7 +465,7 @@ class SuffixSolver:
         return concatenated(self.prefixes.cells.of(block, begin), joint.length), parts, lower, error
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
-        """Return the state before suffixes, and two sums over the rows without a listed pair.
+        """Return assignment and values before suffixes, and sums over rows without a listed pair.
 
         The sums (2, E) are those of the best values of these rows, and of their absolute values.
         """
@@ -506,16 +513,16 @@ class SuffixSolver:
     def _costs(
         self, joint: SuffixProblem, states: States, listed: Ints, weights: Ints
     ) -> tuple[Floats, Floats]:
-        """Return the four kinds of cost, and a bound of their error, of each prefix.
+        """Return the four kinds of cost of each prefix, and a bound of their error.
 
         There is a prefix for each step of each suffix.
         """
         split = break_down(states, weights)
-        # A switch at the first step of a suffix is a change from the assignment before it, which is
-        # that of the whole problem.
+        # Switches at the first step of a suffix are changes from the assignment of the whole
+        # problem at the step before.
         before = joint.before.weight[listed]
         state, last = states.pair_first[:-1] + 1, states.pair_first[1:] - 1
-        # If a pair and its block have only the step before the suffix, the pair keeps its weight.
+        # A pair with only the step before the suffix keeps its weight.
         after = np.where(state > last, before, weights[np.minimum(state, last)])
         step = states.begin[states.pair_first[:-1]] + 1
         amount = np.abs(after - before) / ONE * states.problem.switch_price_at[step]
@@ -560,7 +567,7 @@ class SuffixSolver:
 
 
 def _running(value: Floats, length: Ints) -> Floats:
-    """Return the running sums of each row of `value`, which begin anew in each part.
+    """Return running sums along each row of `value`; they restart in each part.
 
     `length` has the lengths of the parts.
     """
@@ -606,7 +613,7 @@ def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -
 SPAN = 8
 """Number of steps of the first suffixes.
 
-This number was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
+8 was the fastest of 8, 12, 16, 24 and 32, for 20 objects and for 100 objects."""
 
 
 def trace(
@@ -703,7 +710,7 @@ class _Brackets:
         return wide
 
     def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
-        """Keep new bounds where they are better; a cell may have several."""
+        """Keep new bounds where they are better; `cell` can have a cell several times."""
         np.maximum.at(self.lower, cell, lower)
         cost = parts.sum(axis=0)
         order = np.lexsort((cost, cell))
@@ -723,10 +730,10 @@ def _narrow(
     solver: Certified,
     progress: Progress,
 ) -> None:
-    """Solve suffixes of prefixes with an open bracket, until no bracket is open.
+    """Solve suffixes of the prefixes with open brackets, until no bracket is open.
 
-    The first suffixes have few steps, the next ones twice as many, and so on. In blocks that the
-    mask `from_begin` (B,) marks, whole prefixes are solved from the start.
+    The first suffixes have few steps, the next ones twice as many, and so on. In the blocks of the
+    mask `from_begin` (B,), whole prefixes are solved at once.
     """
     limit = Limit.of(solver.time_limit, progress)
     cells, span, open_at_start = brackets.cells, SPAN, np.count_nonzero(brackets.open)
@@ -772,10 +779,10 @@ def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch
 # Sliding windows: proven costs of separate stretches of steps (docs/theory/solvers.md).
 #
 # A block with all its steps in a window has the same cost there as in the whole problem. The part
-# of any other block in the window is a stretch, which is a problem of its own. The assignment and
-# the prices of the whole problem give a bracket of the cost of the stretch. If the bracket is too
-# wide, the stretch is solved, together with many others. The solver starts from this assignment and
-# these prices.
+# of any other block in the window is a stretch, which is a separate problem. The assignment and the
+# prices of the whole problem give a bracket of the cost of the stretch. If the bracket is too wide,
+# the stretch is solved, together with many others. The solver starts from the assignment and the
+# prices of the whole problem.
 
 
 def slide(
@@ -800,8 +807,8 @@ def slide(
     solver : Certified
         Solver of the stretches. Its gap is that of the windows, and its time limit is for all
         stretches together.
-    spans : pair of (K,) int arrays
-        First and last step of each window, in order.
+    spans : pair of (W,) int arrays
+        First and last step of each window, in order of time.
     reduced : tuple of Reduced
         Bounds of the whole problem at smaller cutoffs.
     progress : Progress, optional
@@ -869,7 +876,7 @@ def _of_blocks(
 def _solved(
     stretches: SeparateStretches, solver: Certified, limit: Limit
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the results of `SeparateStretches.solve`; solve only if needed and time is left."""
+    """Return bounds in the form of `SeparateStretches.solve`; solve only if they are too wide."""
     known = stretches.of_whole()
     parts, lower, error = known
     cost = parts.sum(axis=0)

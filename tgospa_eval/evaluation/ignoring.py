@@ -229,7 +229,10 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """Mark the rows of the estimate that are in a region or, by a rule, at no truth step."""
+        """Mark the excused rows of the estimate, which are in a region or at a step without truth.
+
+        Rows at steps without truth are only excused if a rule says so.
+        """
         if not len(estimate.step):
             return estimate
         rows = np.zeros(len(estimate.step), bool)

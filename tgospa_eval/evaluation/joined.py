@@ -195,8 +195,7 @@ class JoinedPairs:
     def _displaced(self, here: StepCosts, looked_at: tuple[StepRows, StepRows], pair: Ints) -> Mask:
         """Return a mask of pairs in which one displacement may explain most of the distances.
 
-        `pair` has a number for each two states that are assigned to each other: the index of the
-        evaluation to which they belong.
+        `pair` has the index of the evaluation of each two states that are assigned to each other.
         """
         first, second = (
             side.side.state[side.row[rows[here.taken]]]
@@ -236,11 +235,11 @@ class JoinedPairs:
         return better
 
     def costs(self) -> Iterator[Costs | None]:
-        """Yield costs of each pair, equal to those of a separate evaluation to the last bit.
+        """Yield the costs of each pair, equal to those of a separate evaluation to the last bit.
 
-        None means that the pair must be evaluated separately: its cutoff is so
-        far above its errors that the solver must use a smaller one (docs/theory/solvers.md,
-        "Cutoffs that fit"), or the joint methods do not solve it.
+        None means that the pair must be evaluated separately, for one of two reasons. The joint
+        methods do not solve it, or its cutoff is so far above its errors that the solver must use a
+        smaller cutoff (docs/theory/solvers.md, "Cutoffs that fit").
         """
         self.states = states = self.reduced()
         problem = states.problem
@@ -337,7 +336,7 @@ class JoinedPairs:
 
 
 def _medians(values: Floats, group: Ints, count: int) -> Floats:
-    """Return the median of the values of each group, 1 for an empty group."""
+    """Return the median of the values of each group; 1 for an empty group."""
     order = np.lexsort((values, group))
     first = np.searchsorted(group[order], np.arange(count + 1))
     size, ordered = np.diff(first), np.append(values[order], 1.0)

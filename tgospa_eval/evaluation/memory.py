@@ -152,12 +152,13 @@ class Share:
         return max(min(SHARD_ENTRIES, self.data // BYTES_OF_SHARD), 1)
 
     def fits_component(self, entries: int, *, masked: bool) -> bool:
-        """Return whether each process can hold the largest component.
+        """Return whether each process can hold the largest shard.
 
         Parameters
         ----------
         entries : int
-            Number of near pairs of the largest shard.
+            Number of near pairs of the largest shard. A shard with more than `Share.entries` near
+            pairs is mostly one component.
         masked : bool
             Whether the rules can exclude states from the evaluation.
 
@@ -211,7 +212,7 @@ def bytes_in_memory(paths: Sequence[str], *, pictures: bool) -> float:
 
 
 def left_of_drawing(limit: int, paths: Sequence[str]) -> int:
-    """Return how much of `limit` solving the problem may use, to leave enough for pictures."""
+    """Return the bytes of `limit` that solving the problem may use, so that pictures fit, too."""
     formats = [format_of(path) or "" for path in paths]
     left = (limit - base("whole, drawn", formats)) / OF_DRAWING
     return max(int(base("whole", formats) + left), 0)

@@ -4,12 +4,12 @@ The metrics are those of [Luiten 2021], [Bernardin 2008] and [Ristani 2016], as 
 them:
 
     HOTA_a = sqrt(DetA AssA),  DetA = TP / (TP + FN + FP),
-    AssA = mean over the matches of n / (length of the truth + length of the estimate - n),
+    AssA = mean over the matches of n / (states of the object + states of the track - n),
     MOTA = 1 - (FN + FP + IDSW) / (TP + FN),
     IDF1 = 2 IDTP / (2 IDTP + IDFN + IDFP),
 
 where a is a threshold of the similarity. TP, FN and FP are the numbers of matches, missed states
-and false states. For a match, n is the number of all matches between its two tracks.
+and false states. For a match, n is the number of all matches between its object and its track.
 
 Floating-point operations have the same order as in TrackEval, so every digit is the same. TrackEval
 uses matrices of all pairs, which only add zeros to the sums. Here a matrix is made only for a step
@@ -59,8 +59,8 @@ class SimilarPairs:
     step : (P,) int array
         Step of each pair.
     place : (2, P) int array
-        Positions of both states of a pair among the states of the step. The order is that of the
-        file, which decides ties.
+        Indices of both states of a pair among the states of the step, in the order of the file.
+        This order decides ties.
     track : (2, P) int array
         Indices of the tracks of both states.
     similarity : (P,) float array
@@ -117,7 +117,7 @@ def hota(pairs: SimilarPairs) -> Sums:
     The assignment prefers pairs whose tracks are similar at many steps.
     """
     similarity = pairs.similarity
-    union = similarity.copy()  # if no other pair has one of the states, s + s - s = s
+    union = similarity.copy()  # right if both states are in no other pair: s + s - s = s
     for part, at, matrix in pairs.disputed():
         matrix[at] = similarity[part]
         union[part] = matrix.sum(0)[at[1]] + matrix.sum(1)[at[0]] - similarity[part]
@@ -194,8 +194,8 @@ def clear(pairs: SimilarPairs) -> Sums:
 def identity(pairs: SimilarPairs) -> Sums:
     """Compute the sums of the identity metrics.
 
-    Whole tracks are assigned to each other, with the largest sum of common matches. An object may
-    stay unassigned. For this, each object has an additional estimate, with which it has no match.
+    Whole tracks are assigned to each other, with the largest sum of common matches. An object can
+    stay unassigned: each object has an additional estimate, with which it has no match.
     """
     from scipy.sparse import coo_array  # lazy: slow to import
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
@@ -274,11 +274,11 @@ def finished(name: str, sums: Mapping[str, Any]) -> Sums:
 
 
 def _assigned(pairs: SimilarPairs, score: Callable[[slice, Mask], Floats]) -> Mask:
-    """Return a mask of the assignment with the largest score at each step.
+    """Return a mask of the pairs in the assignment with the largest score at each step.
 
-    `score` receives the slice of the pairs of a step, and a mask of the pairs assigned before. It
-    returns a score above 0 for each pair of the slice. The mask has one more element at the end,
-    which is False.
+    `score` receives the slice of the pairs of a step, and a mask of the pairs assigned before. The
+    mask that it receives has one more element, False, at the end. It returns a score above 0 for
+    each pair of the slice.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import
 

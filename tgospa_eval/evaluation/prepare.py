@@ -70,7 +70,7 @@ class AlignedPair:
         Header of each column of the estimate, if it is a table.
     same_header : str
         Option with which the times of truth and estimate are read from columns of the same name.
-        Blank if they are read from such columns already, or if there are none.
+        Blank if they are already read from such columns, or if no such columns exist.
     in_parts : bool
         Whether the data are read in parts, and this is one of them. Parts are not interpolated.
     """
@@ -235,9 +235,9 @@ class NearPairs:
     ) -> "NearPairs":
         """Return both sides as they are compared, and all pairs that matter at this cutoff.
 
-        These are the pairs nearer than the cutoff. If true states are ignored, there are two more
-        kinds: pairs so close to the cutoff that rounding decides, and pairs that are within the
-        reach of a true state in a gap.
+        These are the pairs nearer than the cutoff. If true states are ignored, two kinds of pairs
+        are added: those so close to the cutoff that rounding decides if they are nearer, and those
+        within the reach of a true state in a gap.
         """
         unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         compared = (
@@ -448,7 +448,7 @@ def with_far_pairs(
 ) -> Pairs:
     """Add pairs of true states in gaps, with distances up to the cutoff plus `reach`.
 
-    `cutoff` has the cutoff, and a margin for rounding, by which a distance may be larger.
+    `cutoff` has the cutoff, and a margin for rounding that is added to all limits.
     """
     rows = np.flatnonzero(reach > 0)
     if not len(rows):
@@ -521,8 +521,8 @@ def fit(
 ) -> AlignedPair:
     """Return both sides on the same steps, and the distance fitted to the data.
 
-    `placed` is a function that brings both sides to steps that are known already. By default, the
-    request decides on the steps.
+    `placed` is a function that brings both sides to known steps. By default, the request decides on
+    the steps.
 
     Raises
     ------

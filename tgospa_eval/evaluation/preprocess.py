@@ -52,7 +52,7 @@ HIDDEN = ("truncated", "occluded")
 MAX_OCCLUDED, MIN_HEIGHT = 2, 25
 """Largest occlusion of an evaluated true object; height in pixels that estimates must exceed.
 
-A truncated true object is not evaluated either."""
+Truncated true objects are not evaluated."""
 
 MIN_MATCH = 0.5 - TRACKEVAL_EPS
 """Smallest IoU of boxes that match."""
@@ -307,7 +307,7 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
 
 
 def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
-    """Return the rows of the mask `keep`, on all steps of the file.
+    """Return only the rows of the mask `keep`; all steps of the file stay.
 
     The number of rows left out is recorded under the name `rule`.
     """

@@ -128,11 +128,9 @@ def inside(
 ) -> Mask:
     """Return a mask of the rows that are in the regions of their step.
 
-    Points count in a region or on its edge. Boxes count if the regions of the step together cover
-    at least half of their area. Let a box be between a_k and b_k on axis k, and another box between
-    a'_k and b'_k. The share of the first box inside the other is, as in TrackEval,
-    ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``. A box without
-    area has the share 0.
+    A point is inside if it is in a region or on its edge. A box is inside if the regions of its
+    step together cover at least half of its area. If a region is a box, too, the covered area is
+    the intersection of both boxes, as in TrackEval. A box without area is never inside.
 
     Parameters
     ----------
@@ -145,8 +143,7 @@ def inside(
     name : str
         Name of the side, for messages.
     more_than : float, optional
-        Share of a box that a single region must exceed. By default, all regions of the step
-        together must cover at least half of the box.
+        If given, a box is inside if a single region covers more than this share of it.
 
     Raises
     ------
@@ -201,9 +198,9 @@ def _candidates(
     """Yield rows, and for each row the index of a region that may overlap with it.
 
     The rows are those of one step, or of all steps if `step` is None. `spread` says that they are
-    boxes. For a region of a table, in the plane or in an image, only rows with a bounding box near
-    that of the region are yielded. For any other region, all rows are yielded. All rows of one
-    yield have the same region, except if rows and regions are boxes.
+    boxes. If a region is from a table, and in the plane or in an image, only rows with a bounding
+    box near that of the region are yielded. For other regions, all rows are yielded. One yield has
+    several regions only if both rows and regions are boxes.
     """
     begins = starts_of_steps(side)
     low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
@@ -302,7 +299,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (end, N, axis)
     edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
     cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
-    across, along = (  # which stretches between two edges each region covers
+    across, along = (  # which intervals between two neighbouring edges each region covers
         (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
         for axis in (0, 1)
     )

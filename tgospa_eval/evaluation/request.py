@@ -98,7 +98,7 @@ class Sliding:
                 value.check(clock, name, "give a number of steps")
 
     def shown(self, steps: int) -> str:
-        """Format the length of a window; a number of steps is at most that of the recording."""
+        """Format the length of a window; a length in steps is limited to `steps`, all steps."""
         return in_words(self.size if isinstance(self.size, Duration) else min(self.size, steps))
 
     def spans(self, times: TimeArray) -> tuple[Ints, Ints]:

@@ -50,7 +50,7 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories, Values
 
 MAX_DISTINCT = 20
-"""Largest number of distinct numbers that get a slice each, if no edges are given."""
+"""If no edges are given, and there are at most so many distinct numbers, each gets a slice."""
 
 MAX_SLICES, MAX_CROSSINGS = 200, 5_000
 """Largest number of slices by one attribute; largest number by two attributes."""
@@ -62,7 +62,7 @@ QUARTILES = (0.25, 0.5, 0.75)
 
 
 SideShare = tuple[Ints, Floats]
-"""For R rows of truth or estimate: the slice of each, (R,), and its share in it, 0 to 1, (R,)."""
+"""For the R rows of one side: slice index of each, (R,), and its share there, 0 to 1, (R,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,8 +74,8 @@ class Members:
     names : list of str
         Names of all slices.
     shares : tuple of tuple of SideShare
-        Pairs with the shares of the rows of truth and estimate. There are several pairs if a row
-        can be in several slices. In all pairs together, the shares of a row sum to 1.
+        Shares of the rows of the truth, and of the rows of the estimate. If a row can be in several
+        slices, there are several such pairs, over which the shares of a row sum to 1.
     kept : (n,) bool array
         Mask of the slices that are shown even if they are empty.
     """
@@ -159,7 +159,7 @@ def _numbers(
 ) -> list[Floats | None]:
     """Return the values as numbers, NaN for a blank.
 
-    `texts` has the columns with texts. If there is one, an error says that texts have no `wanted`.
+    `texts` are the columns with texts. They cause an error, which says that texts have no `wanted`.
     """
     if texts:
         given = texts[0][texts[0] != ""]
@@ -285,8 +285,8 @@ def _numbered(
 ) -> Members:
     """Return slices from the index of the slice of each row; each row is in one slice only.
 
-    One more slice has rows without a value (index -1). Another one has all rows of a side without
-    values (None).
+    Two slices are added: one for rows without a value (index -1), and one for all rows of a side
+    without the attribute (None).
     """
     size = len(names)
     truth, estimate = (
@@ -445,7 +445,7 @@ def _distances(side: Trajectories, first: Floats, second: Floats) -> Floats:
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
     """Return the distances of rows from the point of the attribute, by default the origin.
 
-    If the point has fewer coordinates than the states, only these are used.
+    If the point has fewer coordinates than the states, the other coordinates do not count.
     """
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
@@ -504,7 +504,7 @@ def _sizes(side: Trajectories) -> Floats | None:
 
 
 def _extent(side: Trajectories, name: str, ends: tuple[str, ...]) -> Floats | None:
-    """Return a width, height or length: from its column, else from the columns of its two ends."""
+    """Return a width, height or length, from its column or else from the columns of both ends."""
     columns = [side.attributes.get(column) for column in (name, *ends)]
     numbers = [None if v is None or v.dtype.kind != "f" else v.astype(np.float64) for v in columns]
     if numbers[0] is not None or not ends:
@@ -669,7 +669,7 @@ def _evaluated_rows(truths: Objects) -> Floats:
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
-    """Return the row of a true object at a step; if it has none, the next row, or the last one."""
+    """Return the row of each true object at a step; without one, its next row or its last row."""
     order = np.argsort(truths.track, kind="stable")
     steps = int(truths.step.max(initial=0)) + 2
     key = truths.track[order].astype(np.int64) * steps + truths.step[order]
@@ -680,7 +680,7 @@ def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
 
 
 def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
-    """Return the slices with their sums; empty ones only if `whole.kept` says so."""
+    """Return the slices with their sums; empty slices only if `whole.kept` marks them."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
     for side, columns in enumerate(costs):
@@ -702,7 +702,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
 
 
 def _sum_of_parts(value: Floats, first: Ints) -> Floats:
-    """Return the sum of each contiguous part; `first` has their begins, and the end.
+    """Return the sum of each contiguous part; `first` has the begins of the parts, and the end.
 
     NumPy sums pairwise, so a sum of n terms has about log2(n) rounding errors.
     """

@@ -244,7 +244,7 @@ class Axes:
         sums: dict[str, Any] = {"axes": np.zeros(len(self.names)), "bends": np.zeros(2)}
         sums |= dict.fromkeys(SUMMED, 0.0)
         for begin in range(0, len(at), PAIRS_TOGETHER):
-            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more
+            own = slice(begin, begin + PAIRS_TOGETHER + 2)  # second differences need two more pairs
             row, report = at[own], rows[1][to[own]]
             states = compared.truth[rows[0][row]], compared.estimate[report]
             if (
@@ -253,7 +253,7 @@ class Axes:
                 names = np.array(compared.labels.truths, dtype=object)[truth.track[row]]
                 located = compared.reports.located(names, report)
                 states = located[0].state, located[1].state
-            else:  # not on a common clock, where a report stays for several steps
+            else:  # no second differences on a common clock, where a report stays for several steps
                 time, who = timestamps[truth.step[row]], sides[1].track[to[own]]
                 on = (np.diff(row) == 1) & (np.diff(who) == 0) & ~truth.first[row[1:]]
                 span = np.diff(time)
@@ -434,10 +434,10 @@ def _stretches(tracked: Tracked) -> _Stretches:
 def _grouped(whose: Ints, who: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
     """Return the distinct pairs of tracks, and the sum of the weights of each.
 
-    `whose` and `who` are the tracks of truth and estimate of each pair of states, in order of the
-    truth.
+    `whose` and `who` are the tracks of truth and estimate of each pair of states, sorted by row of
+    the truth.
     """
-    for _ in range(2):  # round 1 joins neighbours, so that few are left to sort
+    for _ in range(2):  # the first pass joins neighbours, so few pairs are left to sort
         opens = np.flatnonzero((np.diff(whose, prepend=-1) != 0) | (np.diff(who, prepend=-1) != 0))
         sums = np.add.reduceat(weight, opens) if len(opens) else np.zeros(0)
         whose, who = whose[opens], who[opens]
@@ -451,8 +451,8 @@ def _errors(tracked: Tracked) -> Json:
 
     Errors are in the base distance, by axis, along the track and across the track. Let e be the
     error of a pair, and v the velocity of its true object. An estimate with the latency L is L v
-    behind the object. So the latency is the L for which the squares of ``e + L v`` have the
-    smallest sum. The gain of the latency is the share by which this sum is smaller than for L = 0.
+    behind the object. So the latency is the L with the smallest sum of the squares of ``e + L v``.
+    The gain of the latency is the share by which this sum is smaller than for L = 0.
     """
     weight, error, sums = tracked.weight, tracked.error, tracked.sums
     total = float(weight.sum())
@@ -510,7 +510,7 @@ def _siap(tracked: Tracked) -> Json:
     truth, estimate, at, to = tracked.truth, tracked.estimate, tracked.at, tracked.to
     time = tracked.timestamps[truth.step]
     who = estimate.track[to]
-    order = np.argsort(who, kind="stable")  # pairs are sorted by time
+    order = np.argsort(who, kind="stable")  # pairs of a track stay sorted by row of the truth
     row, track = at[order], who[order]
     on = np.zeros(len(row), bool)
     on[1:] = (np.diff(row) == 1) & (np.diff(track) == 0) & ~truth.first[row[1:]]

@@ -1,8 +1,9 @@
 """TGOSPA over a range of one parameter, to see whether a conclusion depends on its value.
 
-A point is the evaluation at one value. Near pairs are searched once, for the largest cutoff. The
-ends of the range are solved first, then the middle between two solved points, and so on. A middle
-starts from the solutions of these two points (`solvers.warm_start`). Each point has its own proof.
+A *point* is the evaluation at one value. Near pairs are searched once, for the largest cutoff. The
+points at both ends of the range are solved first, then the middle between two solved points, and so
+on. A middle point starts from the solutions of the two points around it (`solvers.warm_start`).
+Each point has its own proof.
 """
 
 from collections.abc import Iterator, Sequence
@@ -126,7 +127,7 @@ def sweep_fitted(
 
 
 class _Line:
-    """Solver of the points: first those at both ends, then middles between solved points."""
+    """Solver of the points: first those at both ends, then the middle between two solved points."""
 
     def __init__(
         self,

@@ -30,8 +30,8 @@ NO_TIE = 1e-9
 SHARE = 100.0
 """Largest loss of a path in any best assignment, as a multiple of the gap.
 
-A path with a larger loss has the weight 0. In a vertex of the linear programme, weights are
-multiples of a fraction between 1/2 and 1/18, so any other weight would cost more than the gap."""
+A path with a larger loss has the weight 0 in every best assignment. In a vertex of the linear
+programme, weights above 0 are at least 1/18, and would cost more than the gap."""
 
 ROUNDS = 50
 """Largest number of rounds of conclusions; a round takes as long as two searches for paths."""
@@ -47,7 +47,7 @@ def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool
     gap : float
         Relative gap that counts as exact.
     everywhere : bool
-        Whether pairs without gain are tested too. Such pairs decide when a switch counts.
+        Whether pairs without gain are tested too. They decide at which step a switch counts.
     """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
@@ -167,7 +167,7 @@ def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple
 
 
 def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
-    """Return how much worse the best path of a row becomes by a restriction, for each state.
+    """Return two losses of each state, compared with the best path of its row.
 
     The Viterbi algorithm runs forward and backward in time, as in `problem.paths.best_values`.
 

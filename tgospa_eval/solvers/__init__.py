@@ -3,9 +3,9 @@
 All files here use the letters of docs/theory/notation.md, the words of `problem.states` (state,
 run, slot, block), and those of docs/theory/solvers.md (sweep, stage, temperature, working set,
 slack of a state, programme, reach). A *node* is a row or a column. A slot is *full* if the weights
-of its states sum to 1. Its *room* is 1 minus this sum. A block is *open* until it is solved. Shapes
-are (S,) for states, (K,) for column slots, (B,) for blocks, (N,) for near pairs (entries) and (T,)
-for steps.
+of its states sum to 1. Its *room* is 1 minus this sum. A block is *open* until it is solved. An
+*entry* is a near pair at a step. Shapes are (S,) for states, (K,) for column slots, (B,) for
+blocks, (N,) for entries and (T,) for steps.
 """
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -30,17 +30,17 @@ class Solver(Protocol):
 
     @property
     def proves(self) -> bool:
-        """True if it continues until its proven gap is at most `gap`, and uses warm starts."""
+        """True if the solver works until its proven gap is at most `gap`, and uses warm starts."""
         return False
 
     @property
     def referee(self) -> bool:
-        """True if its use is to check other solvers: it is slow, and does not use their kernels."""
+        """True if the solver serves to check others: it is slow, and does not use their kernels."""
         return False
 
     @property
     def epsilon(self) -> float | None:
-        """Temperature as a fraction of c^p; None if it has no temperature."""
+        """Temperature as a fraction of c^p; None if the solver has no temperature."""
         return None
 
     @property
@@ -50,7 +50,7 @@ class Solver(Protocol):
 
     @property
     def time_limit(self) -> float | None:
-        """Seconds after which it stops with its best solution."""
+        """Seconds after which the solver stops with its best solution; None for no limit."""
         return None
 
     @property

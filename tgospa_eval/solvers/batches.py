@@ -6,9 +6,10 @@ Windows in time divide a long component into pieces that overlap, and their answ
          |------------|                  a window: its core, and some steps on either side
               |---------------|
 
-The weights and prices of the core of each window are kept. The joined answer bounds the optimum, as
-do any prices >= 0 and any feasible weights (docs/theory/windows-in-time.md). Where cores meet is a
-*seam*. Afterwards, the bounds of the whole component show how much the seams widen the bracket.
+The weights and prices of the core of each window are kept. A *seam* is where two cores meet. The
+joined answer bounds the optimum, because any prices >= 0 and any feasible weights do
+(docs/theory/windows-in-time.md). The bounds of the whole component show how much the seams widen
+the bracket.
 """
 
 import itertools
@@ -40,7 +41,7 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""A slot is too full if its weights sum to more than 1 + FULLER. Then weights in it are lowered."""
+"""A slot is too full if its weights sum to more than 1 + FULLER."""
 
 SOME_ROOM = 1e-9
 """Smallest room in a slot that is worth filling."""
@@ -54,16 +55,15 @@ UNKNOWN = -1.0
 
 
 TimeWindow = tuple[int, int, int, int]
-"""Four steps: the first step of the core, the step after the last one of the core, the first step
-of the window, and the step after the last one of the window. The window is solved, and the answer
-for its core is kept."""
+"""Four steps: first step of the core, step after the end of the core, first step of the window, and
+step after the end of the window."""
 
 
 def divisible_blocks(states: States) -> Ints:
     """Return the blocks to solve in windows: very large and long blocks with competing rows.
 
-    No block is divided in these cases: switch prices vary (a run is then several states), a switch
-    is free, switch prices are large (windows are then too short), or gains may be negative.
+    No block is divided in any of these cases: switch prices vary (a run is then several states), a
+    switch is free, switch prices are large (windows would be too short), or gains can be negative.
     """
     problem = states.problem
     price = problem.switch_price
@@ -80,7 +80,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """Windows of a block, and their answers so far; the answers may come from several threads.
+    """Windows of a block, and their answers so far, which can come from several threads.
 
     Parameters
     ----------
@@ -153,10 +153,9 @@ class Division:
         return merge_runs(piece, transpose=False)
 
     def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
-        """Keep the answer for the core of a window.
+        """Keep the weights of states inside the core of a window, and the prices of its slots.
 
-        This answer consists of the weights of states inside the core, and of the prices of slots
-        that begin in the core.
+        The kept prices are those of slots that begin in the core.
         """
         whole, (low, high, first, _) = self.states, window
         home = self._homes(first, piece)
@@ -172,9 +171,9 @@ class Division:
         self.done += 1
 
     def _homes(self, first: int, piece: States) -> Ints:
-        """Return the position in the block of each state of a window.
+        """Return the index in the block of each state of a window.
 
-        If the window contains only a part of a run, the state has the position of the whole run.
+        If the window contains only a part of a run, the result is the index of the whole run.
         """
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
@@ -190,11 +189,11 @@ class Division:
         return home
 
     def join(self) -> Floats:
-        """Return joined feasible weights of all states; fill in runs that no window contains whole.
+        """Return joined feasible weights of all states, also of runs that no window contains whole.
 
-        A run between two gains gets the lesser of their two weights. No higher cost results, and
-        the least room is needed. A run at an end of the block gets the weight of the one gain
-        beside it.
+        A run between two states with a gain gets the smaller weight of the two. This causes no
+        additional cost, and needs the least room. A run at an end of the block gets the weight of
+        the state next to it.
         """
         states, weights = self.states, self.weights
         run = np.flatnonzero(states.entry < 0)
@@ -215,9 +214,9 @@ class Division:
 
 
 class TimeShares:
-    """Equal shares of the time for windows; later windows may use what earlier ones did not use.
+    """Equal shares of the time for windows; time that a window does not use is for later windows.
 
-    If the time limit is too short, each window is still solved in part.
+    So if the time limit is short, each window is solved in part.
 
     Parameters
     ----------
@@ -254,7 +253,7 @@ def _too_full(slots: Slots, weights: Floats) -> Mask:
 
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
-    """Lower the weights of `runs` in place so that they fit into their slots; short runs first."""
+    """Lower the weights of `runs` in place until they fit; short runs get the free room first."""
     wanted = weights[runs]
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
@@ -296,7 +295,7 @@ class BlockBatch:
     wanted : (B,) bool array
         Blocks to solve.
     quickly : (B,) bool array
-        Other blocks, which are solved only if that takes hardly any time. If not, they stay open.
+        Other blocks, which stay open unless solving them takes hardly any time.
     weights, prices : (S,), (K,) float arrays
         Arrays for the answer, as in `Solution`; zeros in the wanted blocks at first.
     limit : Limit
@@ -330,13 +329,13 @@ class Answer:
     open : int array
         Blocks that were not solved.
     work, sweeping : int, float
-        Number of states of a half sweep, summed over all half sweeps; and the seconds of sweeps.
+        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     history : tuple of dict
-        Convergence: for each check of the bounds a dict with ``sweep``, ``epsilon``, ``violation``,
-        and the bounds ``lower`` and ``upper`` of the cost of the blocks, minus the cost of leaving
-        all objects unassigned.
+        Convergence: a dict for each check of the bounds, with ``sweep``, ``epsilon``,
+        ``violation``, ``lower`` and ``upper``. The last two are bounds of the cost of the blocks,
+        minus the cost of leaving all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """
@@ -432,7 +431,7 @@ def _solve_some(
     limit: Limit,
     warm_start: WarmStart | None,
 ) -> Solution:
-    """Solve the wanted blocks batch by batch, and others that can be solved `quickly`.
+    """Solve blocks batch by batch; `masks` are `wanted` and `quickly` of a `BlockBatch`.
 
     Each long block is a separate batch, which begins from the answers of its windows.
     """
@@ -508,7 +507,7 @@ def _solve_some(
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # If batches ended for different reasons, report the reason of a batch that was not solved.
+    # If some batches were not solved, report the reason of one of these.
     ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
     worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
@@ -526,7 +525,7 @@ def _solve_some(
 
 
 def _separated(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
-    """Divide the ranges of blocks so that each long block is a separate range; return them."""
+    """Return the ranges of blocks, divided so that each long block is a separate range."""
     if not len(long):
         return cuts
     edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
@@ -562,7 +561,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
     tentative = bool(quickly.any())
-    if tentative:  # drop trivial answers: gains near 1 lose the decisive digits
+    if tentative:  # far cutoffs: trivial answers are too inexact, because gains are near 1
         batch.weights[states.states_of(quickly)] = 0.0
         batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
@@ -581,7 +580,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
-    """Divide the elapsed time among the kinds of work, and add up the work."""
+    """Record the work in the stopwatch, and the elapsed time, divided among the kinds of work."""
     seconds: dict[str, float] = {}
     for answer in answers:
         for name, spent in answer.seconds.items():

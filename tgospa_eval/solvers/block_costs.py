@@ -14,22 +14,22 @@ SETTLED_FROM = 1000.0
 
 
 def price_cap(states: States) -> Floats:
-    """Return ``2 L g`` of each block, (B,), with L steps and the largest gain g.
+    """Return the largest switch price that matters in each block, (B,).
 
-    At switch prices from (L - 1) g on, no switch pays. So all prices above 2 L g have the same
-    optimum (docs/theory/reductions.md, "Switch price cap"). Huge prices would cause errors, because
-    LP tolerances are absolute.
+    It is 2 L g, with the number L of steps and the largest gain g. At switch prices from (L - 1) g
+    on, no switch saves cost, so all larger prices have the same optimum (docs/theory/reductions.md,
+    "Switch price cap"). Huge prices would cause errors, because LP tolerances are absolute.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * largest
 
 
 def settle(states: States, blocks: Mask, weights: Floats) -> None:
-    """Average each pair's weights over time, in blocks with all switch prices above the cap.
+    """Average the weights of each pair over time, in blocks with all switch prices above the cap.
 
-    In these blocks an optimum has no switches. But the weights that a solver returns may change by
-    1e-12, for example, from one step to the next, and a huge switch price makes this expensive. The
-    average of feasible weights over time is feasible.
+    In these blocks an optimum has no switches. But a solver may return weights that change by, for
+    example, 1e-12 from one step to the next. A huge switch price makes such a change expensive. The
+    averages over time are feasible, too.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -56,15 +56,15 @@ def unassigned_costs(states: States) -> Floats:
 def block_costs(states: States, weights: Floats) -> Floats:
     """Return the cost of a proposed assignment in each block, (B,).
 
-    It is ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|``, where W' are the
-    weights at the next step. The assignment is made feasible first. Objects and tracks without a
-    near pair are left out.
+    The cost is ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|``, where W' are
+    the weights W at the next step (docs/theory/notation.md). The assignment is made feasible first.
+    Objects and tracks without a near pair are left out.
     """
     return feasible_costs(states, repair(states, weights))
 
 
 def feasible_costs(states: States, whole: Ints) -> Floats:
-    """Return `block_costs` of a feasible assignment (S,), in units of 1/ONE."""
+    """Return `block_costs` of a feasible assignment `whole` (S,), which is in units of 1/ONE."""
     problem, blocks = states.problem, len(states.block_begin)
     of_state = states.block
     used, entry, weight = assigned(states, whole)
@@ -196,8 +196,8 @@ class BatchProgress:
         """Report the share that is done, and bounds of some blocks.
 
         `blocks` (B,) marks the blocks with new bounds. All other blocks are trivial: their weights
-        in the batch are the best ones. Three arrays have numbers for all blocks, (B,): the `width`
-        between the bounds, the `cost`, and the cost if all objects are `unassigned`.
+        in the batch are the best ones. `width` (B,) is the width between the bounds, `cost` (B,)
+        the cost, and `unassigned` (B,) the cost if nothing is assigned.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:

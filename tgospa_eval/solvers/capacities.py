@@ -18,8 +18,8 @@ class CapacityRows:
     Parameters
     ----------
     constraint, state : (nnz,) int arrays
-        For every entry of the matrix: its constraint, and its state as a position among the chosen
-        states.
+        Nonzeros of the matrix of constraints: the constraint of each, and the index of its state
+        among the chosen states.
     room : (L,) float array
         Room in each constraint: 1 minus the sum of the weights of fixed states in it.
     price : (L,) float array
@@ -55,8 +55,9 @@ def capacity_rows(
 ) -> CapacityRows:
     """Return the constraints of the chosen states; `fixed` (S,) are weights of the other states.
 
-    Neighbouring slots with the same states and the same room are one constraint. A slot needs no
-    constraint if it has only one of the states and the room 1, and its price in `prices` (K,) is 0.
+    Neighbouring slots with the same chosen states and the same room are one constraint. A slot
+    needs no constraint if three conditions are true: it has one chosen state, its room is 1, and
+    its price in `prices` (K,) is 0.
     """
     begin, end = slots.begin[chosen], slots.end[chosen]
     state = np.flatnonzero(end > begin)

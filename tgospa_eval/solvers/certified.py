@@ -75,7 +75,7 @@ class Certified(BatchSolver):
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
         near = batch.warm_start is not None and batch.warm_start.near
-        if near and batch.warm_start is not None:  # its prices are better than 0
+        if near and batch.warm_start is not None:  # these prices are better than prices 0
             np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
@@ -89,7 +89,7 @@ class Certified(BatchSolver):
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
         left = places_of(ascent.open)
-        # Blocks that should be solved `quickly` stay open if they are not solved by now.
+        # Blocks in `quickly` that are not solved yet stay open.
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         unit = 1.0 if batch.warm_start else _try_steps(ascent)
@@ -134,8 +134,8 @@ def _sweep(
     """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
 
     The `unit` of temperatures and reaches is a fraction of c^p. As a rule, the stages begin from
-    prices 0. They begin from the current prices if these are `near` the best prices, or if the
-    `unit` is below 1, because then the errors of these prices are about one unit.
+    prices 0. In two cases they begin from the current prices: these are `near` the best prices, or
+    the `unit` is below 1, which means that the errors of the current prices are about one unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices
@@ -173,7 +173,7 @@ def _sweep(
 
 
 def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
-    """Sweep at one temperature, with new working sets until prices settle; return the sweeps."""
+    """Sweep at one temperature, with new working sets until prices settle; count the sweeps."""
     calm = ASCENT.calm if stage[0] > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):

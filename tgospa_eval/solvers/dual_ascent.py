@@ -1,11 +1,13 @@
-"""Dual ascent on the compiled kernels: entropic sweeps on working sets, both bounds after each.
+"""Dual ascent with the compiled kernels: stages of entropic sweeps, both bounds after each stage.
 
-    Z(v) - P(W) = sum_i (best_i - own_i) + sum v (1 - load)
+The width between the bounds is (docs/theory/certificate.md)
 
-is the width between the bounds (docs/theory/certificate.md). best_i is the value of the best path
-of row i at the prices v, and own_i the value of its assignment W. The load of a column slot is the
-sum of its weights. These bounds steer the solvers; `problem.certificate` computes the reported
-bounds again. Words and shapes: `tgospa_eval.solvers`.
+    Z(v) - P(W) = sum_i (best_i - own_i) + sum_k v_k (1 - load_k).
+
+At the prices v, best_i is the value of the best path of row i, and own_i is the value of the
+weights W in row i. load_k is the sum of the weights in column slot k. These bounds steer the
+solvers; `problem.certificate` computes the reported bounds again. Words and shapes:
+`tgospa_eval.solvers`.
 """
 
 import time
@@ -24,12 +26,12 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""A chain (`kernels.Chain`) may have LINKS_EACH links per state, or FEWEST_LINKS in all if that is
-more. If it would be longer, the threshold of the working set is halved, until it is below
-MIN_THRESHOLD."""
+"""Limits of the length of a chain (`kernels.Chain`), the form of the working set for sweeps. It may
+have LINKS_EACH links for each state, and FEWEST_LINKS in any case. If it would be longer, the
+threshold of the working set is halved. Below MIN_THRESHOLD, a chain may have any length."""
 
 SWEPT_AT_ONCE = 100_000
-"""Links times sweeps between two looks at the clock: about a millisecond."""
+"""Number of links, multiplied by sweeps, between two looks at the clock: about a millisecond."""
 
 PRICE_ROUNDING = 8 * 2.0**-53
 """Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels sum in
@@ -52,8 +54,8 @@ class Ascent:
     gap : float
         Relative gap at which no further candidates are tried.
     weights, prices : (S,), (K,) float arrays
-        Arrays for the best assignment and the best prices, written in the wanted blocks only. In
-        these blocks, weights must be zeros at first, and prices are where the ascent begins.
+        Arrays for the best assignment and the best prices; only the wanted blocks are changed. In
+        these blocks, weights must be zeros at first, and `prices` has the initial prices.
 
     Attributes
     ----------
@@ -63,15 +65,14 @@ class Ascent:
         For each state, the share of the paths of its row that go through it, at the end of the last
         stage.
     dual, primal : (B,), (B,) float arrays
-        Upper bound of the gain of each block by the prices, and gain of its assignment.
+        Upper bound of the gain of each block, which the prices prove, and gain of its assignment.
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Bits of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED, which
+        Bits that the last `mark` set for each state: NEAR, NEEDED, LOSES, BEST and TEMPTED, which
         kernels/ascent.pxi explains.
     work, sweeping : int, float
-        Number of states (with "none") of a half sweep, summed over all half sweeps; and the seconds
-        of sweeps.
+        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     open : (B,) bool array
@@ -166,9 +167,9 @@ class Ascent:
     def mark(self, prices: Floats, reach: float) -> None:
         """Set the `flags` of every state, and the values of all rows, at the prices.
 
-        NEAR states have a slack of at most `reach`. The slack of a state is the loss of value of
-        the best path of its row if the path must go through the state. The values of a row are
-        those of its best path and of its best weights.
+        NEAR states have a slack of at most `reach`. The slack of a state is the loss of value if
+        the path of its row must go through the state. A row has two values: that of its best path
+        at these prices, and that of the best weights so far.
         """
         self.brackets.mark(prices, reach)
 
@@ -177,11 +178,11 @@ class Ascent:
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
-        """Keep the prices in those open blocks in which they prove more than the prices so far."""
+        """Keep the prices in open blocks in which they prove more than the prices so far."""
         self.brackets.try_prices(prices)
 
     def try_weights(self, weights: Floats) -> None:
-        """Keep the feasible weights in those open blocks in which they gain more than before."""
+        """Keep the feasible weights in open blocks in which they gain more than those so far."""
         self.brackets.try_weights(weights)
 
     def try_steps(self) -> None:
@@ -199,10 +200,18 @@ class Ascent:
         late: Callable[[], bool],
         calm: float = 0.0,
     ) -> tuple[int, float]:
-        """Sweep at a temperature, then update both bounds; return sweeps and last violation.
+        """Sweep at the temperature `epsilon`, and then try the new weights and prices.
 
         The working set has the states with slack up to `threshold`, and the states with a weight.
-        Sweeps end early if the largest violation of a column is less than `calm`.
+        The violation of a column slot is how far the sum of its masses and its slack is from 1.
+        Sweeps end early if the largest violation is less than `calm`.
+
+        Returns
+        -------
+        sweeps : int
+            Number of sweeps.
+        violation : float
+            Largest violation in the last sweep.
         """
         begin = time.perf_counter()
         chain = self._chain(threshold)
@@ -247,14 +256,14 @@ class Ascent:
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
-        """Return the chain of the working set, or of a smaller one if it would be too long."""
+        """Return the chain of the working set; if it is too long, that of a smaller working set."""
         max_links = max(LINKS_EACH * len(self.states.begin), FEWEST_LINKS)
         while True:
             self.brackets.choose(self.soft, threshold)
             chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, max_links)
             if chain.links <= max_links:
                 return chain
-            if threshold < MIN_THRESHOLD:  # many states tie: the set does not become smaller
+            if threshold < MIN_THRESHOLD:  # many equal slacks: the set does not become smaller
                 max_links = chain.links
             threshold *= 0.5
 
@@ -263,11 +272,11 @@ class Ascent:
         return self.states.columns.loads(self.weights) > 1 - 1e-9
 
     def near(self, also: Mask) -> Mask:
-        """Return the states that a programme may have to decide, after `mark`, (S,).
+        """Return a mask of the states that a programme may have to decide, (S,); first call `mark`.
 
-        These are the NEAR states, the states with a weight and those in `also`, except decided
-        states. A state is decided if it has weight 1, is NEEDED, and no other near state of its row
-        is at its steps.
+        These are the NEAR states, the states with a weight, and those of the mask `also`. Decided
+        states are left out. A decided state has the weight 1 and is NEEDED, and no other near state
+        of its row is at its steps.
         """
         rows = self.states.rows
         near = self.has(kernels.NEAR)
@@ -281,16 +290,17 @@ class Ascent:
         return near
 
     def within(self, near: Mask, steps: Mask) -> Mask:
-        """Return the near states that exist at one of the marked steps (T,) or more."""
+        """Return a mask of the near states that exist at one or more of the marked steps (T,)."""
         count = np.concatenate(([0], np.cumsum(steps)))
         lasting = near.copy()
         lasting &= count[self.states.end + 1] > count[self.states.begin]
         return lasting
 
     def losses(self, prices: Floats) -> Floats:
-        """Return the gap of the best weights by step, in the open blocks, (T,).
+        """Divide the width between the bounds of the open blocks among the steps, (T,).
 
-        Each part of the regret of a row counts at the step from which on it cannot be avoided.
+        The width is that of the best weights and the given prices. A part of the regret of a row
+        counts at the step from which on it cannot be avoided.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
@@ -301,11 +311,11 @@ class Ascent:
         return lost[:-1]
 
     def undecided(self, near: Mask) -> tuple[Ints, Ints]:
-        """Return the states of undecided components, and the component of each.
+        """Return the states of undecided components, and the component of each state.
 
-        Shared slots and transitions join the near states to components. A component is undecided if
-        it has a seed: a state at which a term of the width (see the docstring of this module) is
-        not 0.
+        Near states are in one component if they share a slot or are joined by a transition. A
+        component is undecided if it has a seed. A seed is a state at which a term of the width (see
+        the docstring of this module) is not 0.
         """
         free = np.flatnonzero(near)
         component = self._components(free)
@@ -315,7 +325,7 @@ class Ascent:
         return free[wanted], component[wanted]
 
     def _seeds(self, free: Ints) -> Mask:
-        """Return whether each free state is a seed: a state that keeps the gap open."""
+        """Return a mask of the free states that are seeds: they keep the gap open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
         rows = self.layout.rows
@@ -334,7 +344,7 @@ class Ascent:
         return seed
 
     def _components(self, free: Ints) -> Ints:
-        """Return the number of the component of each free state."""
+        """Return the index of the component of each free state."""
         s = self.states
         pair = s.pairs_of(free)
         size = len(free)

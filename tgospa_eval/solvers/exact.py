@@ -24,10 +24,10 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
-"""Estimated seconds of work that cannot be stopped. IMPORT is for importing cvxpy, and BUILD, per
-state, for compiling a programme. A first factorisation by Clarabel takes FACTOR per state, times
-the mean number of states that begin at a step to the power WIDTH_POWER. Measured on crowds of 2,000
-to 40,000 states, and true within a factor of three."""
+"""Estimated seconds of work that cannot be stopped. Importing cvxpy takes IMPORT. Compiling a
+programme of n states takes BUILD n. The first factorisation takes FACTOR n w^WIDTH_POWER, where w
+is the mean number of states that begin at a step. This was measured on crowds of 2,000 to 40,000
+states, and is true within a factor of three."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
@@ -37,8 +37,8 @@ CVXPY_ENDS = {
 """Status by the name of the outcome in CVXPY."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Problem, weights and column constraints, as objects of CVXPY; and the `CapacityRows` of the
-columns. The type is `Any` because CVXPY has no types."""
+"""Problem, weights and column constraints, which are objects of CVXPY (without types), and the
+`CapacityRows` of the columns."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -139,7 +139,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block from Clarabel, or the `given` ones if it has none."""
+    """Return weights and prices of a block from Clarabel, or those `given` if it has none."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:
@@ -155,7 +155,7 @@ def _read(
 
 
 def _seconds(states: States) -> tuple[float, float]:
-    """Estimate the seconds of import and compilation, and of a factorisation by Clarabel."""
+    """Estimate the seconds of importing and compiling, and of a factorisation by Clarabel."""
     size = len(states.begin)
     width = size / max(len(np.unique(states.begin)), 1)
     begun = 0.0 if "cvxpy" in sys.modules else IMPORT
@@ -163,7 +163,7 @@ def _seconds(states: States) -> tuple[float, float]:
 
 
 def _short(batch: BlockBatch, seconds: float) -> bool:
-    """Return whether fewer seconds are left before the limit."""
+    """Return whether the time limit leaves less than `seconds`."""
     left = batch.limit.left()
     return left is not None and left < seconds
 
@@ -171,8 +171,8 @@ def _short(batch: BlockBatch, seconds: float) -> bool:
 def _build(states: States) -> Programme:
     """Build the programme of one block: maximise ``gain w - price |D w|`` over weights w >= 0.
 
-    D w are the changes of the weight from each state of a pair to the next. The weights in every
-    slot sum to at most 1.
+    D w are the changes of weight from each state of a pair to the next, and price are the switch
+    prices. The weights in every slot sum to at most 1.
     """
     import clarabel  # noqa: F401  fails here if memory is short; cvxpy would call it missing
     import cvxpy as cp  # lazy: importing it takes longer than most evaluations

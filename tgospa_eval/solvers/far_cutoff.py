@@ -1,11 +1,13 @@
 """Solution of blocks at a smaller cutoff, if the cutoff is far above the errors.
 
-Solvers work to absolute tolerances in units of c^p, which are too coarse for costs far below c^p. A
-smaller cutoff that fits the costs makes the problem an ordinary one, with far fewer near pairs. The
-*scale* of the smaller cutoff is its p-th power, as a fraction of c^p. `problem.certificate` has the
-bound that prices at the smaller cutoff prove for the whole problem. The certificate does not trust
-this module: it evaluates the prices at their own cutoff, and the assignment at the requested
-cutoff.
+Solvers work to absolute tolerances in units of c^p, where c is the cutoff of the problem. They are
+too coarse for costs far below c^p. At a smaller cutoff that fits the costs, the tolerances are
+sufficient, and far fewer pairs are near. The *scale* of the smaller cutoff is its p-th power, as a
+fraction of c^p.
+
+Prices at the smaller cutoff also prove a bound for the whole problem. `problem.certificate`
+computes this bound: it evaluates the prices at the smaller cutoff, and the assignment at the
+cutoff c.
 """
 
 from collections.abc import Callable
@@ -23,34 +25,37 @@ from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
 FAR_CUTOFF = 2.0**-8
-"""Largest scale at which a smaller cutoff is chosen before a block is solved at its own cutoff."""
+"""If the scale of a block is at most this, smaller cutoffs are tried before the cutoff c."""
 
 NEAR_CUTOFF = 2.0**-2
-"""Scale above which a block is solved at its own cutoff."""
+"""Largest scale of any attempt. Blocks that need a larger scale are solved at the cutoff c."""
 
 DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
-"""Below the scale DOUBTFUL, the precision of a solver is too low to show if a block is solved. Then
-the certificate decides. It rounds outward by a relative error of less than PROOF_ROUNDING."""
+"""Below the scale DOUBTFUL, the precision of a solver is too low to show if a block is solved. For
+such a block the certificate decides. Its relative rounding error is less than PROOF_ROUNDING."""
 
 CUTOFF_ROOM = 16.0
 """Ratio of the p-th power of a fitting cutoff to the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
-"""Factors by which a scale grows if it is too small. Each problem at a smaller cutoff is solved by
-another call of `solve_at_fitting_cutoffs`, which may choose a still smaller cutoff. The factor is
-STEP in the first attempt, and LEAP in the calls of later attempts. LEAP leads directly to the
-cutoff of the problem of that call, because the smaller cutoffs were tried before."""
+"""Factors by which a scale grows if it is too small. An attempt at a smaller cutoff calls
+`solve_at_fitting_cutoffs` again, and this inner call can try still smaller cutoffs. In the first
+attempt of a block, the factor is STEP also in the inner call. In later attempts, the factor of the
+inner call is LEAP, which leads directly to the cutoff of the attempt. The reason is that the
+smaller cutoffs were tried before."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]
-"""Callable that solves, at the cutoff of a problem, the wanted blocks (B,), and those of a second
-mask (B,) that can be solved quickly. `Solution.missing` marks the blocks that were not solved."""
+"""Callable that solves blocks of a problem at the cutoff of the problem.
+
+Its arguments are the problem and two masks (B,): blocks to solve, and other blocks to solve only if
+that is quick. `Solution.missing` marks the blocks that were not solved."""
 
 
 def solve_at_fitting_cutoffs(
     states: States, base: Base, *, gap: float, limit: Limit, step: float = STEP
 ) -> Solution:
-    """Solve each block at its cutoff, or at a smaller cutoff if its own is far above its costs.
+    """Solve each block at the cutoff c, or at a smaller cutoff if c is far above the costs.
 
     Parameters
     ----------
@@ -86,17 +91,17 @@ def solve_at_fitting_cutoffs(
 
 
 def fitting_scales(states: States) -> Floats:
-    """Return the scale of a fitting cutoff for each block: a power of 2; 1 if no smaller one fits.
+    """Return the scale of a fitting cutoff for each block, (B,): a power of 2, or 1 for c itself.
 
-    The scale is ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that
-    fit"). D is the cost of a pair, and the maximum is over all true objects and tracks at all
-    steps. At this cutoff an object may be left unassigned, but at a cost that is not negligible.
+    Take the cheapest near pair of each true object and of each track at each step. The scale is
+    `CUTOFF_ROOM` times the largest of their costs, rounded up (docs/theory/solvers.md, "Cutoffs
+    that fit").
     """
     problem = states.problem
     blocks = len(states.block_begin)
     if problem.pair_price is None or not len(problem.cost):
         return np.ones(blocks)
-    # True objects alone often show that no cutoff is far above the costs.
+    # The costs of true objects alone often show that c is not far above the costs.
     costs = _largest_cheapest_costs(states)
     if (CUTOFF_ROOM * costs > FAR_CUTOFF).all():
         return np.ones(blocks)
@@ -118,7 +123,7 @@ def fitting_scales(states: States) -> Floats:
 
 
 def _largest_cheapest_costs(states: States) -> Floats:
-    """Return, for each block, the largest cost of a true object's cheapest pair at a step, (B,)."""
+    """Return the largest cost, by block, of the cheapest pair of a true object at a step, (B,)."""
     problem, blocks_of = states.problem, states.track_blocks[0]
     row, track = problem.truth_row, problem.truth_track
     largest = np.zeros(len(states.block_begin))
@@ -128,7 +133,7 @@ def _largest_cheapest_costs(states: States) -> Floats:
 
 
 def _scales_of_costs(states: States, weights: Floats) -> Floats:
-    """Return scales from the largest cost of an assignment in each block."""
+    """Return the scale of each block from the largest cost of an assigned pair in it."""
     problem = states.problem
     used = np.flatnonzero((states.entry >= 0) & (weights > 0.01))
     largest = np.zeros(len(states.block_begin))
@@ -138,9 +143,9 @@ def _scales_of_costs(states: States, weights: Floats) -> Floats:
 
 
 def _powers(costs: Floats, largest: float) -> Floats:
-    """Return the power of 2 above CUTOFF_ROOM times each cost.
+    """Return the next power of 2 above CUTOFF_ROOM times each cost.
 
-    The result is 1 if the power is above `largest`, or if the cost is 0.
+    The result is 1 if this power is above `largest`, or if the cost is 0.
     """
     scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(costs, 1.0))[1])
     return np.where((costs > 0) & (scale <= largest), scale, 1.0)
@@ -161,7 +166,7 @@ class _Ladder:
         self.parts: list[Reduced] = []
 
     def climb(self, scale: Floats) -> None:
-        """Solve the blocks whose scale is below 1, first at this scale, then at larger scales."""
+        """Solve the blocks with a scale below 1, first at this scale, then at larger scales."""
         pending, first = scale < 1, np.ones(len(scale), bool)
         while pending.any() and not self.limit.late():
             size = float(scale[pending].min())
@@ -194,7 +199,7 @@ class _Ladder:
         )
 
     def _attempt(self, chosen: Mask, scale: float, step: float) -> Mask:
-        """Solve at a smaller cutoff; return blocks for which no larger cutoff would be better."""
+        """Solve blocks at a smaller cutoff; return a mask of those that need no larger cutoff."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
         solution = solve_at_fitting_cutoffs(
@@ -218,13 +223,12 @@ class _Ladder:
         met = width <= self.gap * self.cost
         missing = sum_by(home, solution.missing.astype(np.float64), blocks) > 0
         self.missing[chosen] = missing[chosen]
-        # If the gap at the smaller cutoff is most of the width, it also stays open at larger
-        # cutoffs.
+        # If the gap at the smaller cutoff is most of the width, a larger cutoff does not help.
         fits: Mask = met | (own - lower > 0.5 * width)
         return fits
 
     def _solve_directly(self, chosen: Mask) -> None:
-        """Solve at the cutoff of the problem."""
+        """Solve blocks at the cutoff c."""
         whole = self.base(self.states, chosen, np.zeros_like(chosen))
         self.iterations += whole.iterations
         prices = np.where(self.states.slots_of(chosen), whole.prices, 0.0)
@@ -235,7 +239,7 @@ class _Ladder:
         self.missing[chosen] = whole.missing[chosen]
 
     def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
-        """Use the weights in chosen blocks where they cost less, and the prices in all of them."""
+        """Keep the prices in all chosen blocks, and the weights in those where they cost less."""
         states = self.states
         mixed = np.where(states.states_of(chosen), weights, self.weights)
         cost = block_costs(states, mixed)
@@ -245,7 +249,7 @@ class _Ladder:
         self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 
     def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
-        """Use `part` as the proof of some blocks; if it is None, use the prices at the own cutoff.
+        """Use `part` as the proof of some blocks, or the prices at the cutoff c if it is None.
 
         `wins` (B,) marks these blocks, and `lower` (B,) are their lower bounds.
         """

@@ -1,22 +1,26 @@
 """Interior point methods for programmes whose optimum is fractional nearly everywhere.
 
-    maximise c w - paid r,  A w - r <= b,  w, r >= 0;    slacks s, and duals y >= 0 of A w - r <= b
+    maximise  c w - paid r    with  A w - r + s = b,   w, r, s >= 0
 
-The variables w are weights, and some constraints have a *rise* r. Below, *numbers* are w, r and s.
-Each number has a dual: the reduced cost of w or of r, or the dual y of the constraint of s.
+The variables w are weights, s are the slacks of the constraints, and some constraints have a *rise*
+r. Below, *numbers* are w, r and s. Each number has a dual. The dual of w or r is its reduced cost.
+The dual of s is the dual y of its constraint.
 
 A basis of such an optimum is degenerate thousands of times. The simplex method needs an iteration
-for each degenerate variable. An interior point method needs about twenty factorisations in all. The
-best duals are far from unique. The best duals that are nearest to the known duals are also best for
-the states outside the programme. So y is drawn to the known duals. This perturbs b by a thousandth
-of the distance. Near the end y is drawn to its own value of the iteration before (the proximal
-point method). This does not perturb the solution.
+for each degenerate variable. An interior point method needs about twenty factorisations in all.
 
-Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
+There are many optimal duals y. Those nearest to the known duals are also best for the states
+outside the programme, so y is drawn to the known duals. This perturbs b by a thousandth of the
+distance. Near the end, y is drawn to its value in the iteration before instead (the proximal point
+method), which does not perturb the solution.
+
+A *round* is one call of `solve_nearest`. In a first round `exact` is False, in a last round True.
+
+Sources: Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
-programming" (Computational Optimization and Applications 1996); regularised as in Friedlander and
-Orban, "A primal-dual regularized interior-point method for convex quadratic programs" (Mathematical
-Programming Computation 2012).
+programming" (Computational Optimization and Applications 1996). The regularisation is that of
+Friedlander and Orban, "A primal-dual regularized interior-point method for convex quadratic
+programs" (Mathematical Programming Computation 2012).
 """
 
 from collections.abc import Callable
@@ -32,33 +36,33 @@ from tgospa_eval.common.frozen import dataclass
 START, MIN_START = 10.0, 1e-4
 """At the start, the product of each number and its dual is START times the mean product at the
 given point, and at least MIN_START. The mean product at the given point is 1e-4 in a first round
-and 1e-6 in a last one. With 1e-5 as MIN_START a round takes up to a third more iterations."""
+and 1e-6 in a last one. With 1e-5 as MIN_START, a round takes up to a third more iterations."""
 
 ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
-"""A round ends if the mean product of numbers and duals, in c^p, is at most ENOUGH. The last round
-ends at END, if also the errors of the constraints are at most LACK. One or two more iterations
-would divide these errors by 100. Until the mean product is ENOUGH, y is drawn to the known duals.
-With 1e-7 as ENOUGH less is proven, and the last round is longer."""
+"""Limits of the mean product of a number and its dual, in c^p, and of the errors of constraints.
+A first round ends at ENOUGH. A last round ends at END, if all errors of constraints are at most
+LACK. Until the mean product is ENOUGH, y is drawn to the known duals. With 1e-7 as ENOUGH, less is
+proven, and a last round is longer."""
 
 PULL = 1e-3
-"""Stiffness with which y is drawn to other duals. With 1e-2 a first round proves less, and the last
-round may take twice the iterations; 1e-4 is as good."""
+"""Stiffness with which y is drawn to other duals. With 1e-2, a first round proves less, and a last
+round may take twice the iterations. 1e-4 is as good as 1e-3."""
 
 MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
-"""The method gives up after MAX_ITERATIONS, of which 10 to 25 are usual, or if both steps are
-shorter than MIN_STEP. If the mean product is at most END, a step shorter than SHORT means that only
-rounding is left."""
+"""The method gives up after MAX_ITERATIONS (10 to 25 iterations are usual), or if the steps of
+numbers and of duals are both shorter than MIN_STEP. If the mean product is at most END, a step
+shorter than SHORT means that only rounding is left."""
 
 PRIMAL_SHIFT = 1e-9
-"""Shift of the diagonal. Without it, systems would be singular at the end."""
+"""Number that is added to the diagonal D. Without it, systems would be singular at the end."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
-"""Largest number of corrections of centrality after each factorisation, and the least increase of
-the sum of both step lengths for which a correction is kept. A factorisation takes as long as ten
+"""Largest number of corrections of centrality after each factorisation. A correction is kept if the
+sum of both step lengths increases by at least BETTER_STEP. A factorisation takes as long as ten
 corrections."""
 
 NEAR_BOUND = 0.99
-"""Share of the step to the nearest bound that is taken."""
+"""Share that is taken of the longest step at which all numbers stay >= 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +80,7 @@ class Inequalities:
     rises : (k,) int array
         The constraints that have a rise.
     paid : (k,) float array
-        Price of each rise, which is the largest dual of its constraint.
+        Price of each rise. The dual of its constraint is at most this price.
     """
 
     matrix: sparse.csr_array
@@ -87,7 +91,7 @@ class Inequalities:
 
 
 class _System:
-    """Factors of ``[D A'; A -E]`` by QDLDL, in one order for all diagonals D and E."""
+    """Factors of ``[D A'; A -E]`` by QDLDL; D and E are diagonals that may change."""
 
     def __init__(self, matrix: sparse.csr_array) -> None:
         rows, columns = matrix.shape
@@ -114,7 +118,7 @@ class _System:
             self.factors.update(self.upper, upper=True)
 
     def solve(self, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Return both parts of the solution for both parts of the right-hand side."""
+        """Return the solution for a right-hand side; both have two parts, as the matrix."""
         parts = self.factors.solve(np.concatenate((first, second)))
         return parts[: len(first)], parts[len(first) :]
 
@@ -127,11 +131,11 @@ def solve_nearest(
     *,
     exact: bool,
 ) -> tuple[Floats, Floats] | None:
-    """Return optimal w (n,), and optimal duals y (m,) that are nearly the nearest to the start.
+    """Return optimal w (n,), and optimal duals y (m,) that are nearly those nearest to the start.
 
-    The nearest ones minimise ``sum stiff (y - start)^2`` among the optimal duals. If `exact` is
-    True, the solution is exact up to rounding. If not, the mean product is at most `ENOUGH`. The
-    result is None if the computation breaks down or is `late`.
+    The nearest optimal duals minimise ``sum stiff (y - start)^2``. `start` has the w and y to start
+    from. If `exact` is True, the solution is exact up to rounding. If not, the mean product is at
+    most `ENOUGH`. The result is None if the computation breaks down, or if `late` returns True.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -144,7 +148,7 @@ def solve_nearest(
 
 
 class _Newton:
-    """Newton's equations at a point: w, rises and slacks, and their duals z, own and y.
+    """Newton's equations at a point, which has w, rises and slacks, and their duals z, own and y.
 
     Parameters
     ----------
@@ -188,7 +192,7 @@ class _Newton:
         self.second[p.rises] += self.rise / self.own
 
     def direction(self, change: Floats) -> tuple[Floats, Floats]:
-        """Return steps of numbers and duals that change products by `change`, to first order."""
+        """Return the steps of numbers and duals that change their products by about `change`."""
         other = self.lack - change[self.splits[1] :] / self.y
         rising = change[self.splits[0] : self.splits[1]] + self.rise * self.excess_rise
         other[self.rises] += rising / self.own
@@ -200,7 +204,7 @@ class _Newton:
         return dx, dd
 
     def steps(self, dx: Floats, dd: Floats) -> tuple[float, float]:
-        """Return the largest step lengths up to 1 at which all numbers stay >= 0."""
+        """Return the largest step lengths up to 1 at which numbers, and duals, stay >= 0."""
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
@@ -265,10 +269,10 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Return positive numbers and duals with this product; keep their differences.
+    """Return positive numbers and duals with this product, and with the same differences as before.
 
-    Negative numbers and duals count as 0 in the differences. If they are large, the product is
-    larger than `product`.
+    Negative numbers and duals count as 0 in the differences. If some are far below 0, a larger
+    product is used.
     """
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))

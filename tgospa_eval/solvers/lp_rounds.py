@@ -1,10 +1,10 @@
-"""Linear programmes that decide the weights of states which the sweeps left open.
+"""Linear programmes that decide the weights of states that are undecided after the sweeps.
 
 Words and shapes are those of `tgospa_eval.solvers`; docs/theory/solvers.md, "Programmes", defines
-slack, reach and free states. Programmes run in rounds, and each round admits states with a larger
-slack: its reach grows. A programme changes the weights of its *free* states only. All other states
-keep their weights. Components that do not contribute to the gap have no programme. Bounds of the
-result are computed on all states; a programme does not show whether its result is optimal.
+slack, reach and free states. Programmes run in rounds. As a rule, the reach grows from round to
+round. A programme changes the weights of its *free* states only. Components that do not contribute
+to the gap have no programme. A programme does not show whether its weights are optimal in the whole
+problem. The bounds show it, because they are computed on all states.
 
 Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
 take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
@@ -33,21 +33,20 @@ if TYPE_CHECKING:
 
 
 def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
-    """Return the part of a problem around some free states; `free` must be in order.
+    """Return the part of a problem around some free states; `free` must be sorted.
 
     Returns
     -------
     states : States
-        The part: all pairs that share a row or a column with a free state. They have their states
-        from the step before the first free state to the step after the last free state. Some
-        columns of the part have no free state; the slots of these columns have no meaning.
+        The part. It has all pairs that share a row or a column with a free state. Its steps are
+        those from the step before the first free state to the step after the last free state.
     state : (S',) int array
-        For each state of the part: its position in the whole problem.
+        Index of each state of the part in the whole problem.
     free : (F,) int array
-        Positions of the free states in the part.
+        Indices of the free states in the part.
     slot : (K',) int array
-        For each column slot of the part: its position in the whole problem. The position is
-        arbitrary for slots of columns without free states.
+        Index of each column slot of the part in the whole problem. In a column without free states,
+        the slots of the part and these indices have no meaning.
     """
     pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
@@ -92,7 +91,7 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
         block_end=np.minimum(states.block_end[blocks], after),
         transposed=states.transposed[blocks],
     )
-    # From the step `before` on, a column with free states has its slots of the whole problem.
+    # In a column with free states, the part has the same slots as the whole problem.
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
@@ -102,17 +101,16 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
 
 
 def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
-    """Return the last step of each chosen state; `pair` has the pair of each."""
+    """Return the last step of each chosen state; `pair` has their pairs."""
     following = np.minimum(chosen + 1, len(states.begin) - 1)
     goes_on = chosen + 1 < states.pair_first[pair + 1]
     return np.where(goes_on, states.begin[following] - 1, states.block_end[states.pair_block[pair]])
 
 
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
-    """Return the last position with a step <= `until` in each range from `low` to `high` - 1.
+    """Return the last index with a step <= `until` in each range from `low` to `high` - 1.
 
-    The result is `low` - 1 if all steps of a range are later. Steps rise in each range. All ranges
-    are bisected at once.
+    Steps must rise in each range. The result is `low` - 1 if all steps of a range are later.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -127,11 +125,12 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Free states and priced slots of a programme, as positions in the whole problem; its proposal."""
+"""Answer of a programme: indices of its free states and of its priced slots in the whole problem,
+and the proposal for them."""
 
 
 class Programmes:
-    """Linear programmes that improve an `Ascent`, which keeps the best weights and prices so far.
+    """Linear programmes that improve the best weights and prices so far, which an `Ascent` keeps.
 
     Attributes
     ----------
@@ -158,10 +157,10 @@ class Programmes:
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
-        """Solve programmes with one reach after the other until gaps are closed.
+        """Solve programmes with one reach of `rounds` after the other, until gaps are closed.
 
-        Components of more than `max_states` states are left out. If very many states are undecided,
-        the first programmes are for the steps that keep gaps open, and the steps around these.
+        Components of more than `max_states` states are left out. If very many states are not
+        decided, programmes are solved in windows (see `_run_windows`).
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
@@ -191,8 +190,8 @@ class Programmes:
     def run_nearby(self, reach: float) -> None:
         """Solve programmes in windows, if a problem is large and few of its states are undecided.
 
-        In other problems nothing is done, because sweeps of all states are faster. For windows see
-        `_run_windows`.
+        In other problems nothing is done, because sweeps of all states are faster. `_run_windows`
+        explains windows.
         """
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
@@ -205,8 +204,8 @@ class Programmes:
     def run_crowd(self) -> None:
         """Run the interior point method in rounds, for problems with mostly fractional weights.
 
-        The prices of a round can show that other states may save cost. These are added in the next
-        round. After a round that hardly helped, the reach is doubled.
+        If the prices of a round show that further states may save cost, the next round includes
+        these states. After a round that hardly helped, the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
@@ -223,7 +222,7 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def close_reach(self) -> float:
-        """Return the reach of the first programme if very many states are undecided."""
+        """Return the reach of a programme if very many states are undecided."""
         reach, loads = CROWDS.reach, self.ascent.states.rows.loads
         while reach > CROWDS.min_reach and loads(self._near(reach)).mean() > CROWDS.each:
             reach *= 0.5
@@ -233,10 +232,10 @@ class Programmes:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
 
     def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
-        """Solve programmes around the steps that keep gaps open, in growing windows.
+        """Solve programmes in growing windows around the steps that keep gaps open.
 
-        Components of more than `max_states` states are left out. The work ends before a window with
-        more than `room` states.
+        Components of more than `max_states` states are left out. The work ends before the windows
+        have more than `room` states.
         """
         ascent = self.ascent
         span, first_reach = WINDOWS.span, reach
@@ -253,7 +252,7 @@ class Programmes:
             if ascent.open_gap > WINDOWS.shrink * before:
                 if max_states is not None:
                     return
-                # Either states outside the reach are better now, or the window is too short.
+                # States outside the reach may be better now, or the window may be too short.
                 if reach < WINDOWS.farther:
                     reach = WINDOWS.farther
                 else:
@@ -272,10 +271,10 @@ class Programmes:
         return bool(np.bincount(component).max(initial=0) > PROGRAMMES.crowd)
 
     def _near(self, reach: float) -> Mask:
-        """Return the states that a programme may have to decide, (S,); set the unit of its costs.
+        """Return a mask of the states that a programme may have to decide, (S,); set `unit`.
 
-        `reach` counts in this unit, and the unit shrinks with the gap. The reason is that a path
-        hardly has a weight if it costs more than the best path by many times the gap.
+        The unit of `reach` is `unit`, which becomes smaller with the gap. A small reach is enough
+        then: a path much worse than the best one, compared with the gap, has hardly any weight.
         """
         _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
         self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
@@ -293,15 +292,15 @@ class Programmes:
         if parts:
             self._solve(parts)
             self.ascent.keep(self.ascent.wide())
-        # If no near state is undecided, states with more slack keep the gap open.
+        # If no near state is undecided, states beyond the reach keep the gap open.
         return bool(parts) or not len(free)
 
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
         """Solve the programme of each group of states, and propose its weights and prices.
 
-        The prices of a programme may miss the best bound by `PROGRAMMES.tolerance` for each state.
-        If the open gap is at most the sum of these errors, the prices are refined. If `shares` (S,)
-        are given, the interior point method solves large groups, and begins from these weights.
+        Prices are refined if their error may be as large as the open gap (see
+        `PROGRAMMES.tolerance`). If `shares` (S,) are given, the interior point method solves large
+        groups. It starts from these weights.
         """
         ascent, solved = self.ascent, []
         for group in parts:
@@ -327,7 +326,7 @@ class Programmes:
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
-        """Solve one programme, of the whole problem or of the part around a group (`extract`)."""
+        """Solve the programme of one group; if not `whole`, on the part around it (`extract`)."""
         # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
@@ -358,7 +357,7 @@ class Programmes:
         return free, proposal.slot if slots is None else slots[proposal.slot], proposal
 
     def _refined(self, solved: list[Solved]) -> list[Solved]:
-        """Return the proposals with prices (dual values) that are refined to the last place."""
+        """Return the proposals after their prices are refined to the last digit."""
         from tgospa_eval.solvers.restricted_lp import refine  # lazy: HiGHS is slow to import
 
         left = self.batch.limit.left
@@ -367,7 +366,7 @@ class Programmes:
     def _in_thread(self, work: Callable[[], T], size: int) -> T:
         """Run `work` in a thread that can be abandoned, because HiGHS cannot be stopped.
 
-        A programme of few states (`size`) takes so little time that it needs no thread.
+        With few states (`size`), the work takes hardly any time and needs no thread.
 
         Raises
         ------
@@ -379,7 +378,7 @@ class Programmes:
     def _propose(self, solved: list[Solved]) -> None:
         """Try the proposed weights and prices, and mixtures of new and old prices.
 
-        A mixture may be better than both, because the bound is concave in the prices.
+        A mixture may prove more than the new and the old prices, because the bound is concave.
         """
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
@@ -406,7 +405,7 @@ class Programmes:
         ascent.try_prices(prices)
 
     def _propose_weights(self, free: Ints, proposed: Floats) -> None:
-        """Make the weights (S,) feasible, and try them; only weights of the free states are new."""
+        """Make the weights `proposed` (S,) feasible, and try them; those of `free` are new."""
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
@@ -417,10 +416,7 @@ class Programmes:
         self.ascent.try_weights(proposed)
 
     def _try_best(self, solved: list[Solved], prices: Floats) -> None:
-        """Try the new prices of some groups: their steps do not lose more than with the old prices.
-
-        The other groups keep their old prices.
-        """
+        """Try new prices in the groups in which they lose no more than the old prices."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -435,7 +431,7 @@ class Programmes:
 
 
 def groups(states: States, free: Ints, component: Ints, max_states: int | None) -> list[Ints]:
-    """Group the free states by programme; components that are near in time share a programme.
+    """Divide the free states among programmes; components near in time share a programme.
 
     Components of more than `max_states` states are left out.
     """
@@ -457,9 +453,9 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return the steps with large losses, and `span` steps around each, (T,).
+    """Return a mask of the steps with large losses, and of `span` steps around each, (T,).
 
-    A loss is not large if it and all smaller losses sum to at most `allowed`.
+    The smallest losses are not large, as long as they sum to at most `allowed`.
     """
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]
@@ -473,16 +469,16 @@ def windows(lost: Floats, allowed: float, span: int) -> Mask:
 INTERIOR = 25_000
 """Number of states above which `solve_whole` uses the interior point method first.
 
-The simplex method needs a good start, which only prices give. 47,000 states took 82 s by the
-interior point method, and more than 190 s by the simplex method. 11,000 states took the same time
-by both methods."""
+The simplex method needs a good start, and without prices there is none. 47,000 states took 82 s by
+the interior point method, and more than 190 s by the simplex method. 11,000 states took the same
+time by both methods."""
 
 
 def solve_whole(batch: BlockBatch) -> Answer:
     """Solve each block of a batch by HiGHS.
 
-    If a block is not solved to the end, the answer is the cheaper one of two: the weights so far,
-    or the best paths, made feasible.
+    If a block is not solved to the end, its answer is the cheaper of two assignments: the weights
+    so far, and the best paths, made feasible.
     """
     begin = time.perf_counter()
     iterations, unsolved = 0, []
@@ -508,7 +504,7 @@ def solve_whole(batch: BlockBatch) -> Answer:
 
 
 def _programme(states: States, limit: Limit) -> "Proposal | None":
-    """Solve one block by HiGHS; return None if it is stopped before."""
+    """Solve one block by HiGHS; return None if the run is stopped before the end."""
     from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # lazy: HiGHS is slow
 
     size = len(states.begin)

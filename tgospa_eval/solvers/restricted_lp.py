@@ -1,7 +1,7 @@
 """The restricted linear programme: HiGHS decides some states, and all other states are fixed.
 
-HiGHS only proposes; bounds are evaluated on all states afterwards. Words, letters and shapes:
-`tgospa_eval.solvers`.
+The result is only a proposal; bounds are evaluated on all states afterwards. Words, letters and
+shapes: `tgospa_eval.solvers`.
 """
 
 import time
@@ -25,9 +25,11 @@ Long = NDArray[np.longdouble]
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    A *transition* is the change from a state of a pair to the next. The columns of A are the free
-    states, and a rise of weight for each transition. One exception: a transition from or to a fixed
-    weight of 0 or 1 has no rise, because it is known if the weight rises or falls. The constraints
+    A *transition* is the change from a state of a pair to the next. Its *rise* is the increase of
+    the weight, or 0 if the weight falls. A transition from or to a fixed weight of 0 or 1 needs no
+    rise, because it is known that the weight cannot rise, or cannot fall.
+
+    The variables (columns of A) are the weights of the free states, and the rises. The constraints
     (rows of A) are the capacities of the slots of rows, the capacities of the slots of columns, and
     the transitions that have a rise.
 
@@ -36,13 +38,13 @@ class Programme:
     states : States
         The problem.
     free : (F,) int array
-        The states that the programme decides, in order.
+        The states that the programme decides, sorted.
     transition_reward : (F,) long float array
         Part of the reward of each free state that comes from its transitions.
     to, source : (A,) int arrays
-        Both states of each transition that has a rise, as positions among the free states. The
-        constraint of the transition is ``w[to] - w[source] <= constant + rise``. If one state of a
-        transition is fixed, `to` is the free one, and `source` has no meaning.
+        Both states of each transition that has a rise, as indices in `free`. The constraint of the
+        transition is ``w[to] - w[source] <= constant + rise``. If one state of a transition is
+        fixed, `to` is the free state, and `source` is not used.
     two : (A,) bool array
         True where both states of a transition are free.
     paid : (A,) float array
@@ -58,7 +60,7 @@ class Programme:
     full, upper : float arrays
         Right-hand side of each constraint, and upper bound of each column of A.
     unit : float
-        Unit of the costs that HiGHS receives and of the duals that it returns.
+        Unit of the costs that HiGHS receives and of the duals that it returns, in c^p.
     """
 
     states: States
@@ -98,7 +100,7 @@ class Programme:
 
     @cached_property
     def anchor(self) -> Floats:
-        """Duals <= 0 of all constraints, near the best duals; HiGHS computes the changes to them.
+        """Duals <= 0 of all constraints, near the best duals; HiGHS computes the differences.
 
         The duals of columns are minus the prices. With compiled kernels, the duals of rows are
         minus the `potentials`, and the duals of transitions are minus the switch prices. Without
@@ -114,7 +116,10 @@ class Programme:
 
     @cached_property
     def idle(self) -> Ints:
-        """Constraints whose slack is a column with a cost in the model of HiGHS."""
+        """Constraints with a dual other than 0 in `anchor`.
+
+        In the model of HiGHS, the slack of each is a column with a cost.
+        """
         return np.flatnonzero(self.anchor)
 
     @cached_property
@@ -123,7 +128,7 @@ class Programme:
         return np.flatnonzero(self.anchor == 0)
 
     def reduced(self, dual: Floats) -> Floats:
-        """Return reduced costs of the minimisation of -reward x at duals <= 0."""
+        """Return the reduced costs at duals <= 0, for the minimisation of -reward x."""
         return -self.reward - np.bincount(
             self.column, self.entry * dual[self.row], len(self.reward)
         )
@@ -132,9 +137,9 @@ class Programme:
     def offset(self) -> Long:
         """Part of the gains that is moved to each constraint of the rows; 0 for other constraints.
 
-        A gain is A + B - cost. A small cost would lose digits in a sum with the prices A and B. So
-        A + B is moved from the gain to the row slot, and the dual of the slot is smaller by this
-        amount.
+        A gain is A + B - cost, with the prices A and B of leaving object and estimate unassigned. A
+        small cost would lose digits in this sum. So `refine` works with gains without A + B. For
+        this, A + B is added to the dual of the row slot.
         """
         entry, constraint = self.states.entry[self.free], self.rows.constraint
         count = np.bincount(self.rows.state, minlength=len(entry))
@@ -167,11 +172,12 @@ def make_programme(
     switch_price: Floats,
     unit: float = 1.0,
 ) -> Programme:
-    """Build the programme of the free states, in order; other states are fixed at their weights.
+    """Build the programme of the free states (sorted); other states are fixed at their weights.
 
     The programme maximises ``sum_s g_s w_s - sum_a price_a |d_a|`` over weights w >= 0 that sum to
-    at most 1 in every slot. g_s are gains, and d_a is the change of weight in transition a. Since
-    ``|d| = 2 max(d, 0) - d``, one column and one row of A are enough for each transition.
+    at most 1 in every slot. g_s is the gain of state s. price_a is the switch price of transition
+    a, and d_a is its change of weight. Since ``|d| = 2 max(d, 0) - d``, one column and one row of A
+    are enough for each transition.
     """
     size = len(free)
     fixed = weights.copy()
@@ -217,7 +223,7 @@ def make_programme(
 
 
 def _prices(states: States, entry: Ints) -> Long:
-    """Return the prices A + B of leaving the pairs of some entries unassigned."""
+    """Return the sum A + B of the prices of leaving both states of some near pairs unassigned."""
     problem = states.problem
     price: Long = problem.truth_price[problem.truth_row[entry]].astype(np.longdouble)
     price += problem.estimate_price[problem.estimate_row[entry]]
@@ -227,10 +233,10 @@ def _prices(states: States, entry: Ints) -> Long:
 def _moves(
     states: States, free: Ints, fixed: Floats, switch_price: Floats
 ) -> tuple[Long, Ints, Ints, Mask, Floats, Floats]:
-    """Return the transitions between neighbouring states of a pair, of which one may be fixed.
+    """Return the transitions from or to a free state.
 
     The result is `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and the
-    constants of the transitions.
+    constant of each transition.
     """
     before = np.concatenate((free, free - 1))
     before.sort()
@@ -255,7 +261,7 @@ def _moves(
 
 
 def _position(ordered: Ints, sought: Ints) -> Ints:
-    """Return the position of each `sought` number in the `ordered` numbers, -1 if it is missing."""
+    """Return the index of each `sought` number in the `ordered` numbers, -1 if it is missing."""
     at = np.minimum(np.searchsorted(ordered, sought), len(ordered) - 1)
     return np.where(ordered[at] == sought, at, -1)
 
@@ -263,13 +269,13 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 # -------------------------------------------------------------------------------------------------
 # The start of the simplex method: a basis that is consistent with the prices.
 #
-# A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular, because HiGHS replaces columns by slacks, or removes them, when it factors the basis.
-# The starting basis only changes the number of iterations.
+# A starting basis marks columns and constraints as basic. It need not be valid: when HiGHS factors
+# it, HiGHS adds slacks and removes columns as necessary. The starting basis only changes the number
+# of iterations.
 
 
 MIN_STATES = 300
-"""Least number of free states for a starting basis. Fewer take a few milliseconds anyway."""
+"""Smallest number of free states for a starting basis. Smaller programmes take milliseconds."""
 
 BASIC = 1e-10
 """Limit below which reduced costs and duals count as zero."""
@@ -279,8 +285,7 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
     """Suggest a basis by complementary slackness at the prices; None if the programme is small.
 
     Columns with a reduced cost near zero and constraints with a dual near zero are basic. Prices do
-    not determine the duals of rows and transitions. These duals are computed from the best values
-    of paths that end in each state (`_potentials`).
+    not determine the duals of rows and transitions, so `_potentials` computes these duals.
     """
     if not kernels or len(p.free) < MIN_STATES:
         return None
@@ -294,11 +299,11 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
 def _potentials(p: Programme) -> Floats:
     """Return duals >= 0 of all constraints that are consistent with the prices.
 
-    Along each row in time, h is the best value of a path that is at "none". F_s is the best value
-    of a path through state s to its end, F_s = (F or h before) + gain - prices. At this end, h
-    rises to F_s - lambda. The dual of a constraint is the rise of h over it. The dual of a
-    transition with the switch price lambda is lambda - f. Here f is F_s - h, the value of s
-    relative to "none" at that time, limited to [-lambda, lambda].
+    They come from the values of the best paths of each row, forward in time. Let h be the best
+    value up to a time if the path is then in "none". Let F be the best value if the path is then at
+    the end of state s. The dual of a slot of the row is the increase of h over the slot. The dual
+    of a transition from s, with the switch price lambda, is lambda - (F - h), where F - h is
+    limited to [-lambda, lambda].
     """
     size = len(p.free)
     source, to, paid = p.source[p.two], p.to[p.two], p.paid[p.two]
@@ -334,12 +339,12 @@ def _potentials(p: Programme) -> Floats:
 
 
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the borders at the ends of each free state, its row, and the first border of each row.
+    """Return the borders between which free states lie.
 
     Each row has a border before its first constraint and one after each constraint. Borders are
-    numbered row by row. The results are the first border of each state, the last one, the row of
-    each state, and the first border of each row. A state without a constraint lies at the end of
-    the state of its pair before it.
+    numbered row by row. The results are the first border of each state, its last border, its row,
+    and the first border of each row. If a state has no constraint, both of its borders are the last
+    border of the state before it in its pair.
     """
     states, size = p.states, len(p.free)
     pair = states.pairs_of(p.free)
@@ -366,12 +371,12 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""A programme of LARGE_LP constraints or more is large. For a large programme, the simplex method
-may take ITERATIONS_EACH iterations and the work WORK_EACH for each constraint. The work of an
-iteration is the number of nonzeros in a row of the inverse of the basis, by a sample of
-SAMPLED_ROWS rows: 5 to 20 as a rule, 2,000 if very many costs tie. If the simplex method exceeds
-one of these limits, many costs tie, and the interior point method is up to ten times faster. In
-other programmes the interior point method is two to four times slower."""
+"""A programme of LARGE_LP constraints or more is large. In a large programme, the simplex method
+has two limits for each constraint: ITERATIONS_EACH iterations, and the work WORK_EACH. The work of
+an iteration is the mean number of nonzeros in a row of the inverse of the basis. It is estimated
+from SAMPLED_ROWS rows, and is 5 to 20 as a rule, but 2,000 if very many costs are equal. Beyond
+these limits many costs are equal, and the interior point method is up to ten times faster. In other
+programmes the interior point method is two to four times slower."""
 
 TAKEN_FOR_ZERO = 1e-9
 """Feasibility tolerance of HiGHS."""
@@ -381,30 +386,30 @@ SCALE, SHIFT = 2.0**70, 2.0**20
 
 ROOMIER = 1e-6
 """Additional room in the slots of columns while duals are refined. With this room, HiGHS finds the
-smallest of the best prices. Small prices are better, because prices near 1 lose small digits. A
-basis that is optimal with this room is optimal without it."""
+smallest of the best prices. Small prices are better, because they keep more digits. A basis that is
+optimal with this room is optimal without it."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Largest error of a dual after refinement, and largest number of refinements."""
 
 DENOMINATORS, SNAP_FRACTION = 64, 1e-9
-"""A weight is replaced by a fraction if its distance from the fraction is at most SNAP_FRACTION,
-and the denominator is at most DENOMINATORS."""
+"""A weight is rounded to a fraction with a denominator of at most DENOMINATORS, if the fraction
+differs from it by at most SNAP_FRACTION."""
 
 SNAP_EXCESS = 1e-13
-"""Largest excess of these fractions over a capacity."""
+"""Largest excess of rounded weights over a capacity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Proposal:
-    """Weights of the free states of a programme, and prices of the slots that they compete for.
+    """Proposed weights of the free states of a programme, and proposed prices of column slots.
 
     Parameters
     ----------
     weights : (F,) float array
         Weights of the free states.
     slot, prices : (k,), (k,) arrays
-        Column slots, and their new prices.
+        Column slots of the free states, and their new prices.
     iterations : int
         Iterations of the simplex method, or of the interior point method and the crossover.
     finished : bool
@@ -413,8 +418,7 @@ class Proposal:
         True if the simplex method would have taken too long.
     vertex : tuple, optional
         Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
-        (<= 0 because HiGHS minimises), and the basis as an object of HiGHS, because unpacking it is
-        slow.
+        (<= 0 because HiGHS minimises), and the basis as an object of HiGHS.
     """
 
     weights: Floats
@@ -437,10 +441,10 @@ def solve_restricted_lp(
     unit: float = 1.0,
     interior: bool = False,
 ) -> Proposal:
-    """Return the best weights and prices of the free states; the others stay fixed.
+    """Return the best weights of the free states, and prices; all other states stay fixed.
 
-    `free` must be in order. As a rule, the simplex method is tried first. If `interior` is True, it
-    is not tried for a large programme, because it would probably take too long.
+    `free` must be sorted. As a rule, the simplex method is tried first. If `interior` is True and
+    the programme is large, the interior point method is tried first.
     """
     p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
@@ -482,11 +486,11 @@ def solve_interior(
     *,
     exact: bool,
 ) -> Proposal | None:
-    """Solve as `solve_restricted_lp`, by the interior point method; None if that breaks down.
+    """Solve as `solve_restricted_lp`, by `solvers.interior_point`; None if this method breaks down.
 
-    The method begins at the weights `shares` (F,) and at the `prices`. It returns the optimal
-    prices that are nearest to `prices`. If `exact` is True, the result is exact up to rounding. It
-    needs the compiled kernels.
+    The method starts from the weights `shares` (F,) and from `prices`. Among the optimal prices, it
+    returns those nearest to `prices`. If `exact` is True, the result is exact up to rounding. The
+    method needs the compiled kernels.
     """
     from scipy import sparse  # lazy: slow to import and rarely needed
 
@@ -522,13 +526,14 @@ def solve_interior(
 
 
 def refine(proposal: Proposal, seconds: float | None) -> Proposal:
-    """Refine the prices of a proposal from 1e-9 to the last place.
+    """Refine the prices of a proposal from an error of 1e-9 to the last digit.
 
-    With costs c and duals y, an iteration is ``y <- y + y' / s``. Here s is a large factor, c - A'y
-    is computed in long doubles, and y' are the duals of ``min s (c - A'y) x`` over the same
-    polytope, from the same basis. Source: Gleixner, Steffy and Wolter, "Iterative refinement for
-    linear programming" (INFORMS Journal on Computing 2016). The slacks are columns of the model,
-    because they have a cost.
+    Let c be the costs and y the duals. An iteration computes the reduced costs c - A'y in long
+    doubles. HiGHS minimises ``s (c - A'y) x`` with a large factor s, and with the same constraints
+    and the same basis. Let y' be the duals of this optimum. Then y is replaced by ``y + y' / s``.
+    The slacks of all constraints are columns of the model, because they have a cost. Source:
+    Gleixner, Steffy and Wolter, "Iterative refinement for linear programming" (INFORMS Journal on
+    Computing 2016).
     """
     if proposal.vertex is None:
         return proposal
@@ -591,10 +596,10 @@ def _spread(p: Programme, dual: Floats) -> Floats:
 
 
 def _snapped(p: Programme, values: Floats) -> Floats:
-    """Return the weights, rounded to nearby fractions with small denominators if capacities allow.
+    """Return the weights, rounded to fractions with small denominators if capacities allow this.
 
-    At a vertex, weights are fractions, mostly 0, 1, 1/2 or 1/3. HiGHS returns them with errors up
-    to 1e-9.
+    HiGHS returns weights with errors up to 1e-9. The exact weights at a vertex are fractions,
+    mostly 0, 1, 1/2 or 1/3.
     """
     weights = np.clip(values[p.parts[0]], 0.0, 1.0)
     left = np.flatnonzero((weights != 0) & (weights != 1))
@@ -616,10 +621,10 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 
 
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
-    """Return the programme for HiGHS: minimise the reduced costs at `anchor`.
+    """Return the programme for HiGHS, which minimises the reduced costs at `anchor`.
 
-    The duals of this model are the changes to the anchor. The model has columns for the slacks of
-    the constraints `slack`.
+    The duals of this model are differences to `anchor`. The model has columns for the slacks of the
+    constraints `slack`.
     """
     row = np.append(p.row, slack)
     column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
@@ -646,9 +651,9 @@ def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
 class _Silent(highspy.Highs):
     """HiGHS without output.
 
-    Since HiGHS 1.16.0, the constructor calls `enableCallbacks`, and this prints a banner before a
-    user can set any option. Here this method switches the output off instead. Callbacks are not
-    used.
+    Since HiGHS 1.16.0, the constructor calls `enableCallbacks`, which prints a banner before any
+    option can be set. Here `enableCallbacks` only switches the output off, because callbacks are
+    not used.
     """
 
     def enableCallbacks(self) -> None:  # noqa: N802
@@ -674,11 +679,17 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """Run HiGHS; return it, if it is optimal, iterations, and if the simplex method was too slow.
+    """Run HiGHS until it finds an optimum, or until the time is over.
 
-    The simplex method is tried first, except for a large programme if `interior` is True. If it
-    takes long or fails, the interior point method with crossover is next. If this fails too, the
-    simplex method is run without a limit of iterations.
+    The simplex method is tried first, except for a large programme if `interior` is True. If the
+    simplex method fails or takes long, the interior point method with crossover is next. If both
+    fail, the simplex method is run without a limit of iterations.
+
+    Returns
+    -------
+    tuple
+        HiGHS; whether it found an optimum; number of iterations; and whether the simplex method
+        would take too long.
     """
     deadline = None if seconds is None else time.monotonic() + seconds
     large = len(p.full) >= LARGE_LP
@@ -705,7 +716,7 @@ def _solve(
 
 
 def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run the simplex method within the limits of large programmes; return as `_run`."""
+    """Run the simplex method within the limits of `LARGE_LP`; return the results of `_run`."""
     rows = highs.getNumRow()
     done, work, portion = 0, 0.0, 3 * rows // 8
     while True:
@@ -718,11 +729,11 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = done  # each run is longer: if many costs tie, short runs make no progress
+        portion = done  # runs become longer: if many costs are equal, short runs do not progress
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
-    """Return the mean number of nonzeros in a row of the inverse of the basis, by a sample."""
+    """Estimate the mean number of nonzeros in a row of the inverse of the basis."""
     sample = np.linspace(0, rows - 1, SAMPLED_ROWS).astype(int).tolist()
     sampled = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
     return float(np.mean([count for _, _, count, *_ in sampled]))

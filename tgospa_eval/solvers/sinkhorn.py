@@ -1,24 +1,25 @@
 """The approximation: entropy on the paths, block coordinate ascent in the dual.
 
-    max  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(slack),   H(t) = t - t log t
+The solver `Sinkhorn` looks for masses theta of the paths of each row, which sum to 1 in each row. A
+*mass* is the share of a row that takes the path. The load of a column slot is the mass of all paths
+in it, and its slack sigma is 1 minus the load. The masses
 
-over mixtures theta of the paths of each row. The slack of a column slot is 1 minus the mass of the
-paths in it. Words and letters: `tgospa_eval.solvers`. After Nevelius Wernholm, Wärnsäter and Ringh,
-"Fast computation of the TGOSPA metric for multiple target tracking via unbalanced optimal
-transport" (docs/theory/solvers.md, "Sinkhorn sweeps"). The bounds of the result come from the
-prices and from the rounded assignment. The entropic value is not a bound.
+    maximise  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(sigma),
 
-`entropic_trace` computes primal and dual of the entropy-regularised problem itself, sweep by sweep.
+with H(t) = t - t log t. Source: Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the
+TGOSPA metric for multiple target tracking via unbalanced optimal transport", below [Wernholm]; see
+docs/theory/solvers.md, "Sinkhorn sweeps". The bounds of the result come from the prices and from
+the rounded assignment. The entropic value is not a bound. Words and letters: `tgospa_eval.solvers`.
 
-With mass theta on the paths pi of each row, and slack sigma of each column slot, this problem is
+`entropic_trace` computes the primal and the dual value of the regularised problem itself. With
+path pi of row i, and slot r, this problem is
 
-    min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma),
-    sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot,
+    min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma)
+    with  sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot.
 
-the multimarginal problem of [Wernholm], theorem 1: a row is a marginal over paths, a path of the
-row is a place in the tensor, and sigma is the mass of the row that means "none". The sweeps of
-`Sinkhorn` work on a part of the states (the working set). This problem has all states and all
-slots, so its value does not depend on the algorithm (docs/theory/solvers.md, "The entropic value").
+It is the multimarginal problem of [Wernholm], theorem 1. The sweeps of `Sinkhorn` work on a part of
+the states (the working set). `entropic_trace` uses all states and all slots, so the value does not
+depend on the algorithm (docs/theory/solvers.md, "The entropic value").
 """
 
 import itertools
@@ -42,7 +43,7 @@ from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import check_settings
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-"""Temperatures on the way to the requested one, each for `WARM_SWEEPS` sweeps."""
+"""Temperatures before the requested one, each with `WARM_SWEEPS` sweeps."""
 
 WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
@@ -51,7 +52,9 @@ CHECK_SWEEPS, CHECKS = 24, 4
 MAX_SWEEPS = 2000
 FULL_TO = 1e-6
 NEGLIGIBLE_SLACK = 25.0
-"""Slack in temperatures above which a state has a share below 1e-10 and is left out."""
+"""Slack of a state, in units of the temperature, above which the state is left out.
+
+Such a state has a mass below 1e-10."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +94,8 @@ class Sinkhorn(BatchSolver):
     def routine(self) -> Routine:
         """Functions that sweep until the gap is closed or settles, or columns sum to 1 within 1e-6.
 
-        A warm start is ignored, because hot sweeps would forget it. Without compiled kernels,
-        linear programmes replace the sweeps, because they are then faster, and exact.
+        A warm start is ignored, because sweeps at high temperatures would forget it. Without
+        compiled kernels, linear programmes replace the sweeps: they are faster, and exact.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -170,23 +173,22 @@ def _check(
 
 
 def _without_kernels(batch: BlockBatch) -> Answer:
-    """Solve by `solve_whole`, and mention that in the answer."""
+    """Solve by `solve_whole`, and say so in the answer."""
     return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")
 
 
 MAX_TRACE, MAX_LINKS = 1000, 5_000_000
-"""Largest number of sweeps of a trace, and largest number of links of all its states."""
+"""Largest number of sweeps of a trace, and largest number of links (`kernels.Chain`)."""
 
 MET, STILL = 1e-7, 1e-9
-"""A trace ends if the gap between primal and dual is at most the share MET of the dual, or if the
-dual has changed since the last check by at most the share STILL of its value."""
+"""A trace has converged in two cases: the gap between primal and dual is at most the share MET of
+the dual, or the last sweeps changed the dual by at most the share STILL of it."""
 
 NEVER = 700.0
-"""Ratio of switch price to temperature above which the mass that pays the price underflows."""
+"""Ratio of switch price to temperature above which the mass of switches is 0 in doubles."""
 
 Trace = list[dict[str, float]]
-"""For each check of a trace: sweep, epsilon, violation, and primal, dual and cost in units of
-c^p."""
+"""A dict for each check: sweep, epsilon, violation, and primal, dual and cost in units of c^p."""
 
 
 def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:
@@ -195,9 +197,9 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
     Parameters
     ----------
     states : States
-        The problem; temperatures are in its unit of cost, c^p.
+        The problem.
     epsilon : float
-        The lowest temperature, which is reached from 0.3 in stages.
+        Last temperature, in units of c^p. The first one is 0.3.
     late : callable
         Function that returns whether to stop.
     """
@@ -240,16 +242,20 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
     """Return primal and dual value with entropy, and the gain without entropy, at prices v.
 
-    The masses are theta = exp((value_v - alpha) / epsilon), with alpha_i = epsilon log sum_pi
-    exp(value_v / epsilon) for row i, and sigma = exp(-v / epsilon). By the Lagrangian dual
-    ([Wernholm])
+    The letters are those of the docstring of this module. Let value_v be the value of a path minus
+    its prices. The prices determine
+
+        alpha_i = epsilon log sum_pi exp(value_v / epsilon),
+        theta = exp((value_v - alpha) / epsilon),   sigma = exp(-v / epsilon).
+
+    The results are ([Wernholm], Lagrangian dual)
 
         primal  sum_i alpha_i + sum_r v_r load_r + sum_r (epsilon + v_r) sigma_r,
         dual    sum_i alpha_i + sum_r v_r        + sum_r epsilon sigma_r,
-        gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes at a).
+        gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes at a),
 
-    Sums are over rows i, column slots r, states s, and changes a from a state of a pair to the
-    next. The dual is never below the largest primal; they are equal where load + sigma = 1.
+    with states s, and transitions a from a state of a pair to the next. The dual is never below the
+    largest primal; they are equal where load + sigma = 1.
 
     Parameters
     ----------
@@ -273,17 +279,15 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
     changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
     half = states.problem.switch_price_at[states.begin[arc]]
-    half = np.where(half < NEVER * epsilon, half, 0.0)  # at higher prices any change is rounding
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # at higher prices, changes are rounding
     gain = (mass * states.gain).sum() - (half * changing).sum()
     return float(primal), float(dual), float(gain)
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """Return values of rows, masses of states, and for each state the mass from the state before.
+    """Return values of rows, masses of states, and the mass from the state before in each pair.
 
-    They are computed from messages a and A, in logarithms (docs/theory/solvers.md, "Messages").
-    With q = exp(-lambda / epsilon), A_0' = a_0 + q sum a_s and A_s' = (1 - q^2) a_s + q A_0', and
-    the same backward in time.
+    They are computed in logarithms from messages (docs/theory/solvers.md, "Messages").
     """
     row = np.repeat(states.pair_row, np.diff(states.pair_first))
     order = np.lexsort((row, states.begin))  # by step, then by row

@@ -1,4 +1,4 @@
-"""Blocks that are solved directly, before any solver: one row, or one step at a time."""
+"""Blocks that need no solver: those with a single row, and those whose steps are independent."""
 
 import itertools
 
@@ -12,15 +12,15 @@ from tgospa_eval.problem.states import ONE, States, connected_components
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
-    """Return an optimal path of each row at prices of the columns, as weights 0 and 1, (S,)."""
+    """Return a best path of each row at `prices` (K,), as weights 0 and 1, (S,)."""
     return paths(states, states.gain - states.columns.totals(prices))
 
 
 def paths(states: States, value: Floats) -> Floats:
-    """Return a path of largest value of each row, as weights 0 and 1, (S,).
+    """Return the path of each row with the largest sum of `value` (S,), as weights 0 and 1, (S,).
 
-    The recursion is that of `problem.paths.best_values`. It also keeps the state from which each
-    state, and "none" of each row, was reached.
+    The recursion is that of `problem.paths.best_values`. It also stores from where each state, and
+    "none" of each row, is reached on the best path.
     """
     bounds, order, pairs, rows = turns(states)
     row, switch_price = states.pair_row, states.problem.switch_price_at
@@ -35,7 +35,7 @@ def paths(states: States, value: Floats) -> Floats:
         np.maximum.at(unassigned_value, at, reached - price)
         after = unassigned_value[at]
         left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
-        unassigned_from[at[left]] = state[left] - 1  # written last: the first of equal states
+        unassigned_from[at[left]] = state[left] - 1  # of equal states, the first is written last
         enter = after - price
         stays = (reached >= enter) & (state > states.pair_first[pair])
         came_from[state] = np.where(stays, state - 1, unassigned_from[at])
@@ -72,7 +72,7 @@ ROUNDINGS = 12
 
 
 def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
-    """Round to feasible weights 0 and 1: best paths without the states that lose a conflict.
+    """Return feasible weights 0 and 1, (S,): best paths without the states that lose a conflict.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
 
 
 def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
-    """Return the claimed states that share a slot with a preferred claimed state."""
+    """Return the claimed states that lose a slot to another claimed state."""
     slots = states.columns
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]
@@ -110,8 +110,8 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     """Write weights (S,) and prices (K,) of blocks without transitions; return the other blocks.
 
-    Blocks of one step are linear assignments, and so are all steps if switches are free. `weights`
-    and `prices` must be zeros at first.
+    A block of one step is a linear assignment. If switches are free, each step of any block is one.
+    `weights` and `prices` must be zeros at first.
     """
     price = states.problem.switch_price
     if not price if isinstance(price, float) else not price.any():
@@ -154,7 +154,7 @@ def solve_rows(
 
 
 def assign_steps(states: States, blocks: Mask, weights: Floats, prices: Floats) -> None:
-    """Write weights (S,) and prices (K,) of some blocks that are best if switches are free."""
+    """Write the weights (S,) and prices (K,) of some blocks that are best if switches are free."""
     chosen = np.flatnonzero(states.states_of(blocks) & (states.entry >= 0))
     _assign_steps(states, chosen, weights, prices)
     _hold(states, weights)
@@ -163,8 +163,8 @@ def assign_steps(states: States, blocks: Mask, weights: Floats, prices: Floats) 
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
     """Solve the chosen states with a gain step by step, and write weights and column prices.
 
-    Each component has a separate matrix: its choice among equal optima must not depend on other
-    components, because data in parts are solved separately.
+    Each component has a separate matrix, so its choice among equal optima does not depend on other
+    components. This matters for data in parts, because the parts are solved separately.
     """
     problem = states.problem
     entry = states.entry[chosen]
@@ -201,9 +201,9 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
 
 
 def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
-    """Return a number for each item, from 0 in its component, and the counts by component.
+    """Return an index for each item, from 0 on in its component, and the counts by component.
 
-    Equal items of a component have the same number.
+    Equal items of a component have the same index.
     """
     order = np.lexsort((items, component))
     new = np.diff(items[order], prepend=-1) != 0
@@ -216,11 +216,11 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
     """Return an assignment of largest gain, and the lowest column prices that prove it.
 
-    `gain` is (m, n). The result is the column of each row (-1 for none), (m,), and prices v >= 0 of
-    the columns, (n,). For row i and every column j, gain[i, j] - v[j] is at most the gain minus the
-    price of the column that i has (0 without a column). The prices are the fixed point of v[j] =
-    max over i of gain[i, j] - (gain of i minus price of its column): Bellman-Ford on the residual
-    graph, which has no positive cycle at an optimum.
+    `gain` is (m, n). The results are the column of each row, (m,), -1 for none, and the prices
+    v >= 0 of the columns, (n,). Let u[i] be the gain of row i minus the price of its column, or 0
+    without a column. The prices prove the assignment, because gain[i, j] - v[j] <= u[i] for all i
+    and j. They are the fixed point of ``v[j] = max_i (gain[i, j] - u[i])``, computed by
+    Bellman-Ford on the residual graph. This graph has no positive cycle at an optimum.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
@@ -243,10 +243,10 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
 
 
 def _hold(states: States, weights: Floats) -> None:
-    """Assign pairs also in their runs without gain, if no other pair uses the slots.
+    """Assign pairs also in runs between their assigned states, if no other pair uses the slots.
 
-    If switches are free, this does not change the cost. The reported number of switches becomes as
-    small as this assignment allows. Short runs come first.
+    A run has no gain. If switches are free, this does not change the cost, but fewer switches are
+    reported. Short runs come first.
     """
     run = states.entry < 0
     size = len(weights)

@@ -1,12 +1,13 @@
 """Proposals for a problem from solutions of neighbouring problems; they may solve some blocks.
 
-Neighbours differ in one parameter C, which is c^p or gamma^p. If C is between C_0 and C_1,
+Neighbours differ in one parameter C, which is c^p or gamma^p. The lower bound L is concave in the
+prices and C together, so interpolated prices prove at least the interpolated bound:
 
     L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
 
-for prices v_0 and v_1 of the neighbours, because the lower bound L is concave in prices and C
-together (docs/theory/solvers.md, "Sweeps of a parameter"). If both neighbours have the same best
-assignment, the optimum is on the straight line between theirs.
+with the prices v_0 and v_1 of the neighbours at C_0 and C_1, and 0 <= t <= 1
+(docs/theory/solvers.md, "Sweeps of a parameter"). If both neighbours have the same best assignment,
+the optimum at C is the interpolated optimum.
 """
 
 from functools import cached_property
@@ -31,9 +32,9 @@ class SavedSolution:
         Assigned pairs, and the first and the last step of each assignment.
     weight : (A,) float array
         Weight of each assignment.
-    priced, step : (B,) int arrays
+    priced, step : (P,) int arrays
         Estimate and first step of each price.
-    price : (B,) float array
+    price : (P,) float array
         Prices, > 0.
     estimates, steps : int
         Number of estimates and of steps of the problem.
@@ -52,9 +53,9 @@ class SavedSolution:
 
     @cached_property
     def runs(self) -> tuple[Ints, Ints, Floats]:
-        """Begin and end of each assignment, and its weight; sorted by begin.
+        """Begin, end and weight of each assignment, sorted by begin.
 
-        Begin and end are (truth, estimate, step), coded as one number.
+        A begin or end is (truth, estimate, step), coded as one number.
         """
         pair = (self.truth * np.int64(self.estimates) + self.estimate) * self.steps
         order = np.argsort(pair + self.begin, kind="stable")
@@ -62,9 +63,9 @@ class SavedSolution:
 
     @cached_property
     def running_prices(self) -> tuple[Ints, Floats]:
-        """Place of each price, sorted, and the sums of all prices before it.
+        """Estimate and step of each price, coded as one number, sorted; running sums of prices.
 
-        A place is (estimate, step), coded as one number.
+        The running sums begin with 0.
         """
         place = self.priced * np.int64(self.steps) + self.step
         order = np.argsort(place, kind="stable")
@@ -82,7 +83,7 @@ class WarmStart:
     prices : (K,) float array
         Prices of the column slots, >= 0.
     near : bool
-        True if the best prices are near these. Then the solver can begin with low temperatures.
+        True if `prices` are near the best ones, so the solver can begin with low temperatures.
     """
 
     weights: tuple[Floats, ...]
@@ -149,10 +150,10 @@ def make_warm_start(
 ) -> WarmStart:
     """Build a warm start from the assignments of neighbours, and shares of their prices.
 
-    The weight of a state is the saved weight of its pair at its first step. The price of a slot is
-    the sum of the saved prices of its estimate at the steps of the slot. Only such sums have a
-    meaning, not the prices of single steps in a slot. `origin` has the indices of the true objects,
-    estimates and steps of this problem in the saved problems. By default the indices are the same.
+    The weight of a state is the saved weight of its pair at the first step of the state. The price
+    of a slot is the sum of the saved prices of its estimate at the steps of the slot. `origin` has
+    the indices of the true objects, estimates and steps of this problem in the saved problems. By
+    default the indices are the same.
     """
     problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
     same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))
@@ -175,7 +176,7 @@ def make_warm_start(
 
 
 def _feasible(states: States, weights: Floats) -> Floats:
-    """Return the weights, set to 0 in blocks in which a row or a column has a sum above 1."""
+    """Return the weights, but 0 in all blocks in which the weights of a row or column exceed 1."""
     used = np.flatnonzero(weights)
     begin, end = states.begin[used], states.end[used]
     pair = states.pair[used]

@@ -1,8 +1,9 @@
 """Warnings about truth and estimate before anything is solved: clocks, units, axes.
 
 A warning changes no number. A suspected fault of the clock, the units, the axes or the origin is
-corrected as a trial. There is a warning if this at least halves the per-step GOSPA cost. For the
-clock, this cost leaves out objects that are missed or false before and after the correction.
+corrected as a trial. There is a warning if the correction at least halves the per-step GOSPA cost.
+In a trial of the clock, objects that are missed or false before and after the correction do not
+count.
 
 Other warnings need no trial: pairs that are near only by chance, values that cannot be intended,
 timestamps that nearly match or do not match, outages of the estimate, and gaps of the truth.
@@ -129,7 +130,8 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     """Warn of declared steps that seem wrong by one.
 
     There is a warning if two conditions are true. All rows outside of the declared steps are at one
-    time, which would be the next step at one end. The declared step at the other end has no row.
+    time: one step before the first declared step, or one step after the last one. The declared step
+    at the other end has no row.
     """
     if matching.steps is None or not any(sides.axis.left_out):
         return []
@@ -181,7 +183,7 @@ def silence_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list
         )
     elif not outages.counted:
         remedy = f"leave out {option('outage', 'none')} if the tracker should report at all times"
-    elif sides.alignment.common:  # otherwise, no true state would be left
+    elif sides.alignment.common:  # without common steps, no true state would be left
         remedy = f"use {option('outage', 'none')} if the tracker reports only what it sees"
     if not outages.counted:
         text += f"; outages do not count, so {states} at these times are not evaluated"
@@ -243,7 +245,7 @@ def lost_warnings(sides: "AlignedPair", matching: TimeMatching) -> Iterator[Noti
         first = np.searchsorted(counting.times, side.times[begin])
         around = first < np.searchsorted(counting.times, side.times[end], "right")
         around &= track >= 0
-        gaps = np.full(len(is_lost), np.inf)  # shortest gap around a step
+        gaps = np.full(len(is_lost), np.inf)  # shortest gap of each track around an evaluated step
         np.minimum.at(gaps, track[around], spans[around])
         if matching.steps is not None:  # objects may be outside of declared steps
             is_lost &= gaps < np.inf
@@ -316,7 +318,7 @@ FOLLOWED = 0.75
 """Smallest share of true states that must have an estimate nearer than a suggested cutoff."""
 
 LARGEST_MEDIAN = 1e300
-"""Largest median for which a cutoff is suggested, as multiples of it must be finite."""
+"""Largest median for which a cutoff is suggested, because multiples of it must be finite."""
 
 LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of suggested cutoffs."""
@@ -335,7 +337,7 @@ def suggest_cutoff(near: Floats, next_truths: Floats) -> tuple[float, str] | Non
     if not len(near):
         return None
     middle, spacing = median(near), median(next_truths)
-    # A track that is nearer to its object than to the next one is within half of their distance.
+    # Errors look the same as misses if they are not below half of the distance between objects.
     if not 0 < middle < min(spacing / 2, LARGEST_MEDIAN):
         return None
     cutoff = _rounded_up(MULTIPLE * middle)

@@ -202,20 +202,21 @@ SIGNIFICANT = 4.0
 LOCAL = 6.0
 """Largest distance of a rival from the best shift, as a multiple of the uncertainty.
 
-A rival is a shift that is not clearly worse than the best one. A rival at a larger distance belongs
-to another maximum of the gain, and then no shift is reported."""
+A rival is a shift that is not clearly worse than the best one. If a rival is farther away, it
+belongs to another maximum of the gain, and no shift is reported."""
 
 COMPARABLE, ALIKE = 1 / 3, 1 / 2
-"""Smallest shares that a rival has of the steps and of the gain of the best shift.
+"""A shift is a rival only if it shares enough with the best shift.
 
-A step counts if it is inside the recording of the truth after both shifts. The gain is that at
-these steps."""
+Common steps are steps inside the recording of the truth after both shifts. They must be at least
+the share COMPARABLE of the steps of the best shift. At the common steps, the gain of the rival must
+be at least the share ALIKE of the gain of the best shift."""
 
 ROBUST = 16.0
-"""Multiple of the median of (d / c)^p, below which a sharp fit counts a pair."""
+"""A sharp fit counts only pairs with (d / c)^p below this multiple of the median of (d / c)^p."""
 
 MIN_ERROR = 1 / 400
-"""Smallest limit of (d / c)^p for pairs of a sharp fit, if the median in `ROBUST` is tiny."""
+"""Smallest limit of (d / c)^p for pairs of a sharp fit, if the limit of `ROBUST` is smaller."""
 
 ENOUGH_NEAR = 1 / 3
 """Smallest share of the possible pairs that must be near for a good fit."""
@@ -248,7 +249,7 @@ class Fit:
         gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
         step = self.costs.step[self.costs.taken]
         saved = np.bincount(step, gain, minlength=self.costs.steps)
-        return np.asarray(saved, np.float64)  # bincount without pairs has integers
+        return np.asarray(saved, np.float64)  # without pairs, bincount returns integers
 
     @property
     def sharpest(self) -> float:
@@ -484,7 +485,7 @@ class Search:
         return best.shift, uncertainty, 1 - max(pairs - best.total, 0.0) / cost
 
     def _displaced(self, shift: float, *, moves: bool = True) -> tuple[Fit, float, bool] | None:
-        """Return the fit with the best shift and displacement near a shift, or None if unclear.
+        """Return the fit with the best shift and displacement near `shift`, or None if unclear.
 
         The second result is two standard errors of the best shift. The third result is True if the
         displacement is more than noise. With `moves` False, only the displacement is searched, and
@@ -577,10 +578,10 @@ class Search:
     ) -> tuple[float, float]:
         """Return two standard errors of the best shift, and how far the farthest rival is from it.
 
-        Near its maximum, the gain G is a parabola, to which noise adds a line. The loss of another
-        shift is the difference of its gain to the largest gain. The loss divided by its standard
-        error grows with the distance of this shift from the best one. At the distance of two
-        standard errors of the best shift, the quotient is 1.
+        Near its maximum, the gain G is a parabola, to which noise adds a straight line. The loss of
+        a shift is the largest gain minus its gain. The loss divided by its standard error grows in
+        proportion to the distance from the best shift. This quotient is 1 at the distance of two
+        standard errors of the best shift.
         """
         widths = self.timeline.spacing * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
         uncertainty = float(widths[0])
@@ -632,9 +633,9 @@ class Search:
         return np.asarray(low + self.timeline.spacing * places[peaks])
 
     def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
-        """Return pairs of states that are near, whatever their times, and the used estimates.
+        """Return near pairs of states at any times, and the indices of the used estimates.
 
-        The second result has the indices of these estimates in `self.rows`.
+        They are indices in `self.rows`.
         """
         side, size = self.timeline.side, len(self.rows.row)
         truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
@@ -676,8 +677,8 @@ PREFERRED = 2.0
 """Largest difference of a simpler offset from the best shift, as a multiple of the uncertainty.
 
 An offset is simpler if it is a whole number of hours, or makes timestamps equal. Such an offset is
-preferred. If states are compared at equal timestamps only, an offset that makes timestamps equal
-may always differ by half a step."""
+preferred. If states are compared at equal timestamps only, an offset that makes timestamps equal is
+preferred if it differs by up to half a step."""
 
 MINUTE = 60
 """Limit in seconds for the uncertainty of an offset that is rounded to whole hours.
@@ -777,7 +778,7 @@ def _near_misses(
     if not len(close):
         return None
     wide = float(close.max())
-    if close.dtype.kind == "f":  # a tolerance allows for rounding by itself
+    if close.dtype.kind == "f":  # a tolerance already allows for rounding of numbers
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
     named = rounded_up(wide / unit)
     close = distance[missed & within(distance, float(named), times, clock)]
@@ -832,7 +833,7 @@ class ClockError:
     cures : tuple of (str, object)
         Options with which timestamps become equal, or with which the truth is interpolated.
     ahead : float
-        Time by which the clock of the estimate is ahead. It is 0 if the factor is wrong, too.
+        Time by which the clock of the estimate is ahead; 0 if the unit of time is also wrong.
     uncertainty : float
         Two standard errors of the offset.
     saving : float
@@ -967,7 +968,8 @@ def _clock(
     if equal is not None and not moves:
         tolerance = equal[1] + unit * abs(float(time_offset - exact))
         if tolerance > 4 * float(np.spacing(float(np.abs(search.truth.times[[0, -1]]).max()))):
-            wide = 10.0 ** math.ceil(math.log10(tolerance / unit))  # not all steps are examined
+            # rounded up, because not all steps are examined
+            wide = 10.0 ** math.ceil(math.log10(tolerance / unit))
             cures.append(("time_tolerance", plain(wide)))
     elif not moves:
         gap = rounded_up(search.timeline.longest / unit)

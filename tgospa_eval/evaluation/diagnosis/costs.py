@@ -81,7 +81,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
     taken = ranked(turn, gain)
     step = objects[0][rows[0][taken]]
-    total = np.bincount(step, gain[taken], minlength=steps)  # without pairs, they are integers
+    total = np.bincount(step, gain[taken], minlength=steps)  # integers if there are no pairs
     return np.asarray(total, np.float64), turn
 
 
@@ -103,8 +103,8 @@ FIRST_STEPS = 25
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
 """Largest number of examined rows of truth or estimate, and a larger limit for few steps.
 
-The second limit is used if the first one allows fewer than `FEWEST_STEPS` steps. With fewer steps
-than that, no data would look sound, and the search for another clock would take longer."""
+The second limit is used if the first one allows fewer than `FEWEST_STEPS` steps. With so few steps,
+no data would look sound, and the search for another clock would take longer."""
 
 SAMPLE_PAIRS = 200_000
 """Largest number of examined pairs, near or not, if there are more than `FEWEST_STEPS` steps."""
@@ -200,7 +200,7 @@ PAIRED = 12
 FEWEST_TRACKS = 3
 """Number of objects that must agree on a displacement smaller than the cutoff.
 
-For fewer objects, it may be an error of their own tracks."""
+With fewer objects, the displacement may be an error of their tracks."""
 
 NOTABLE_COST = 1e-3
 """Smallest cost that can cause a warning of a fault, as a share of the cost without pairs."""
@@ -368,9 +368,9 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
     """Return the share of the costs `here` that a change saves, if this is clear, else 0.
 
     `there` are the costs after the change. The saving is clear if it is at least half of the cost,
-    and if enough steps become cheaper. These must be at least the share `CHEAPER` of the steps with
+    and if enough steps become cheaper. Enough is at least the share `CHEAPER` of the steps with
     costs, and at least half of `fewest`. An object that the change leaves out counts as an object
-    without a pair, so that leaving it out saves nothing.
+    without a pair, so leaving it out saves nothing.
     """
     unseen = max(0.0, float(here.unassigned.sum() - there.unassigned.sum()))
     if 2 * (there.lower.sum() + unseen) > here.upper.sum():

@@ -1,7 +1,7 @@
 """Warnings about the states: truth and estimate may differ in units, axes or origin.
 
-A trial undoes each suspected fault at some steps that both have. There is a warning of a fault only
-if this at least halves the per-step GOSPA cost.
+A trial undoes each suspected fault at some steps of both sides. There is a warning only if the
+trial at least halves the per-step GOSPA cost.
 """
 
 import re
@@ -95,7 +95,7 @@ ENOUGH = 100
 HARDLY = 1.5
 """Pairs may be near by chance if they save at most this multiple of the saving by chance.
 
-The saving by chance is measured with displaced estimates. Some of these are moved away from all
+The saving by chance is measured with displaced estimates. Some displaced estimates are far from all
 true states, so wrong pairs of the given estimates can save a little more. Right pairs save more
 than this multiple, if the noise of the estimates is below the cutoff."""
 
@@ -146,10 +146,10 @@ def _is_chance(sample: Sample) -> bool:
     """Return whether pairs save hardly more of the cost than they would by chance.
 
     For the saving by chance, all estimates are displaced by a few cutoffs along several lines, far
-    from their objects. The line with the largest saving counts. On a road, for example, an estimate
-    that is displaced along the road can be near another object, but not one that is displaced
-    across the road. Estimates of other steps would not help instead, because objects at rest keep
-    their position.
+    from their objects. The line with the largest saving counts. For example, an estimate that is
+    displaced along a road can be near another object by chance, but an estimate that is displaced
+    across the road cannot. A displacement in time would not do, because objects at rest keep their
+    position.
     """
     possible, estimate = sample.here.possible, sample.estimate
     if possible < ENOUGH:
@@ -220,8 +220,7 @@ VOTES, EACH = 6_000, 40
 """Limits of the number of differences between states in the search for an offset.
 
 The first is a limit of all differences. The second is multiplied by the largest number of estimates
-at a step. The larger limit is used. At most one of the differences between an estimate and the true
-states is right."""
+at a step. The larger limit is used."""
 
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
@@ -348,13 +347,13 @@ def _linear(sample: Sample, frames: Sequence[str], headers: Mapping[str, str]) -
         straight = np.array([name in names for name in columns])
         for by, unit in ((factor, units[1]), (1 / factor, units[0])):
             both = [_own_columns(names, frame, whole=names == lengths) for frame in frames]
-            # A side in metres stays so if states are compared in metres, or only heights differ.
+            # Metres are right if states are compared in metres, or if only heights differ.
             stays = unit == "metres" and (in_metres or names == upward != lengths)
             wrong = int(not both[0] or (bool(both[1]) and not stays))
             own = both[wrong]
             scale = by if wrong else 1 / by
             value = plain(float(f"{scale:.15g}"))
-            way = option("unit_scale", value)  # not for angles, nor for the truth
+            way = option("unit_scale", value)  # only if all columns are lengths of the estimate
             if angles or names != lengths or not wrong:
                 way = option(f"{SIDES[wrong]}_scale", ",".join(f"{n}={value}" for n in own))
             what, other = units if scale < 1 else units[::-1]
@@ -542,8 +541,8 @@ def _mean_difference(sample: Sample) -> Floats | None:
 def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
     """Return the most frequent difference of a true state and an estimate at the same step.
 
-    Differences within `radius` (d,) of it count as equal, and it is their mean. The result is None
-    if there are no pairs, or if numbers are too large.
+    Differences within `radius` (d,) of the result count as equal, and the result is their mean. It
+    is None if there are no pairs, or if numbers are too large.
     """
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
