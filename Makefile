@@ -55,6 +55,7 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m pytest -n auto -m types tests/contract/test_types.py
 	$(BIN)/lint-imports
 
 docs: .venv/installed-dev

@@ -109,7 +109,7 @@ def by_pyright(files: list[Path]) -> set[tuple[str, int, str]]:
     }
 
 
-@pytest.mark.process
+@pytest.mark.types
 @pytest.mark.parametrize("check", [by_mypy, by_pyright])
 def test_a_type_checker_takes_right_calls_and_no_other(check: Checker, pages: list[Path]) -> None:
     """Those of the pages by one of them: the other takes three times as long for them."""
