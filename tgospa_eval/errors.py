@@ -99,7 +99,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that the options leave out all rows. A batch accepts such a job: its total is 0."""
+    """Error that the options leave out all rows. A batch takes 0 as the total of such a job."""
 
 
 class InputError(TgospaError, ValueError):

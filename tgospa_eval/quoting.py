@@ -52,13 +52,13 @@ def visible_lines(text: str) -> str:
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Return the text with the escapes of `visible`. A long text ends with three dots instead."""
+    """Return the text with the escapes of `visible`. A long text is cut, and three dots follow."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """Return the text. A long text begins with three dots instead: most names differ at the end."""
+    """Return the text. A long text loses its beginning, because most names differ at the end."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 

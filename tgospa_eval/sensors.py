@@ -331,8 +331,7 @@ CloudChange = tuple[int, int, float | None, float, float | None, float]
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Column with a list for each cloud: the distance between the cloud and its reduction before each
-iteration."""
+"""Column with a list for each cloud: its distances to its reduction, one before each iteration."""
 
 
 def reduce_trajectories(

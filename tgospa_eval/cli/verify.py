@@ -129,8 +129,7 @@ def _check_tables(
 ) -> str:
     """Check that the tables of a proof follow from the files and from the options in the proof.
 
-    Return the class and the options of reading as a text. The text can be empty. Otherwise it begins
-    with a comma.
+    Return the class and the options of reading as a text. It is empty, or begins with a comma.
 
     Raises
     ------

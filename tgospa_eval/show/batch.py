@@ -242,8 +242,8 @@ class Ranking:
         ``per_step``, and parts by name. It also has ``confidence`` (the 95 % interval of
         ``combined``) and ``statistical_place``; both are None if there are too few pairs.
     comparisons : list of dict
-        A comparison for each two entries; the ``first`` has the smaller value. It has the proven
-        ``verdict`` and the proven bounds of the ``difference`` of ``combined``. It also has
+        A comparison for each pair of entries; the ``first`` has the smaller value. It has the
+        proven ``verdict`` and the proven bounds of the ``difference`` of ``combined``. It also has
         statistics: the ends ``lower`` and ``upper`` of the 95 % interval of the difference,
         ``p_value``, ``p_holm`` and ``significant``. They are None if there are too few `pairs`.
     jobs : int
@@ -258,7 +258,7 @@ class Ranking:
     permutations : int
         Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Seed of the random permutations. They are used if there are too many to try all.
+        Seed of the random permutations, which are used if there are too many to try all.
     order : float
         The order p.
     parameters : mapping of str to float or str
@@ -525,7 +525,7 @@ TABLE_ROWS = 60
 """Largest number of rows of a table with numbers. Larger tables have coloured squares instead."""
 
 MAX_SQUARES = 1000
-"""Largest number of rows of a table. If there are more, rows with failed jobs are shown first, then
+"""Largest number of rows of a table. If there are more, rows with failed jobs are kept first, then
 rows with the largest values."""
 
 MAX_COLUMNS = 12
@@ -691,7 +691,7 @@ STORED = "slices"
 """Column with the slices of each job, as a JSON text."""
 
 THRESHOLDS = ".at."
-"""Text in the names of some columns. Their values are lists, with a number for each threshold of
+"""Text in some column names. The values of these columns are lists: a number for each threshold of
 HOTA."""
 
 
@@ -915,7 +915,7 @@ def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     """Yield the table of other metrics and the table of covariances, if they are requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    means = [  # costs of GOSPA as means over the runs; `compare` shows means, too
+    means = [  # costs of GOSPA are shown as means over the runs
         {name: own / row["jobs"] if "gospa." in str(name) else own for name, own in row.items()}
         for row in rows
     ]

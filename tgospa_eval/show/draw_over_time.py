@@ -516,7 +516,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Darken the lower part of the bars, up to the largest error in each column divided by c."""
+    """Darken the lower part of the bars: in each column, the largest error as a fraction of c."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -555,8 +555,8 @@ def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None
 def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
     """Return the indices of the switches to draw.
 
-    If there are more steps than columns, only the largest switch in each column of a lane is drawn,
-    and of several largest ones the first.
+    If there are more steps than columns, only the largest switch in each column of a lane is drawn.
+    If several are equally large, only the first of them is drawn.
     """
     if steps <= columns:
         return np.arange(len(place))

@@ -48,7 +48,7 @@ SPACING = 2.0
 """Distance between two shapes of a trajectory, relative to the size of the larger one."""
 
 STEPS = 2
-"""Number of steps in the enlarged part before the step of its pair, and after this step."""
+"""Number of steps that the enlarged part shows before its pair, and number of steps after it."""
 
 INTERVALS = 24
 """Number of shapes along a trajectory if one axis is the time."""
@@ -438,7 +438,7 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Return the ratio of the lengths of a unit of the vertical and of the horizontal axis.
+    """Return the length of a unit of the vertical axis, divided by that of the horizontal axis.
 
     The result is None if the axes cannot share a scale: one is the time, or only one is an angle on
     the Earth. `stretch` is the result of `map_stretch`.

@@ -41,7 +41,7 @@ Rows: TypeAlias = dict[str, NDArray[Any]]
 
 - ``track``, ``step``: indices
 - ``other``: index of the partner. This is the track of the other side with the largest weight at
-  this step. If "unassigned" has the largest weight, it is `NONE` or `FREE`.
+  this step. If "unassigned" has the largest weight, the index is `NONE` or `FREE`.
 - ``error``: distance to the partner, as a fraction of the cutoff; 1 for unassigned states
 - ``shared``: true if the weight of the partner is less than 1
 - ``unjudged``: true for ignored or excused states
@@ -457,7 +457,7 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Return the ratio of the lengths of a degree of latitude and a degree of longitude.
+    """Return the length of a degree of latitude, divided by that of a degree of longitude.
 
     The lengths are measured at the mean of the latitudes. Near a pole, the result is 1.
     """
@@ -724,8 +724,8 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
     """Encode covariances of rows that are sorted by track; `how` is the result of `described`.
 
     Only some rows are encoded: at every ``stride``-th step, and at both ends of each track. In the
-    result, ``row`` has the indices of these rows. The other arrays have the levels of one entry of
-    the lower triangle each. Their names are the indices of the entries.
+    result, ``row`` has the indices of these rows. Each other array has the levels of one entry of
+    the lower triangle. Its name is the index of the entry.
     """
     if not spread.size:
         return {}

@@ -141,8 +141,8 @@ def covariances_table(
 ) -> Iterator[Table]:
     """Yield a table of the NEES if all rows have a NEES.
 
-    Localisation of some distances is the sum of a cost of means and a cost of spreads. If all rows
-    have these costs, the table has columns for them. `head` and `names` are those of
+    With some distances, localisation is the sum of a cost of means and a cost of spreads. If all
+    rows have these two costs, the table shows them. `head` and `names` are those of
     `grouped_table`. An item has the NEES of a row, and possibly these costs.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
@@ -184,7 +184,8 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 def direction(other: OtherMetrics) -> Iterator[str]:
     """Yield notes on `grouped_table`.
 
-    They tell in which columns high values are best, in which low values, and the similarity.
+    The notes tell in which columns high values are best, and in which columns low values. They also
+    describe the similarity.
     """
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
@@ -545,7 +546,7 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_truth(result: Evaluation) -> str:
-    """Return " of the truth" if the total is divided by another number than all evaluated steps."""
+    """Return " of the truth" if the divisor of the total is not the number of evaluated steps."""
     chosen = {"steps", "resample"} & result.parameters.keys()
     differ = result.evaluated_on.steps != result.sizes["steps"]
     return " of the truth" if differ and not chosen else ""

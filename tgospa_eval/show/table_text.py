@@ -620,7 +620,7 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Return the entries `names` of all rows as columns, with `before` before the column names."""
+    """Return the entries `names` of all rows as columns. `before` is added to the column names."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 

@@ -20,7 +20,7 @@ TYPICAL_QUANTILE = 0.9
 
 DAY = 86_400.0
 WHOLE = 2.0**53
-"""Limit of integers. Below it, a browser represents all integers exactly."""
+"""Number below which a browser represents all integers exactly."""
 
 
 def describe_times(times: Sequence[Time]) -> Json:
@@ -38,7 +38,7 @@ def describe_times(times: Sequence[Time]) -> Json:
         ``"step"``. For each ``kind``, the positions are:
 
         - ``"number"``: the times themselves
-        - ``"stamp"``: differences of integers to the first time, which is ``origin``
+        - ``"stamp"``: differences between integer times and the first time, which is ``origin``
         - ``"date"``: seconds since midnight of the day ``origin``
         - ``"step"``: indices of the steps
 
