@@ -114,7 +114,7 @@ class RmsCurve:
         Band around each line, by the same names; empty if there are too few runs.
     bounds : pair of sequence of float, optional
         Proven lower and upper bounds of the line ``total``. Only curves of the kind ``growing``
-        have them; others are None.
+        have bounds. For other kinds, this is None.
     band : str
         Kind of the bands, one of `BANDS`.
     means : mapping of str to sequence of float

@@ -401,9 +401,10 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
     """Choose which tracks have their own lanes, and return at most `max_lanes` lanes.
 
-    If there are too many tracks, those with unassigned steps or switches are chosen first. Among
-    them, and among the others, those with high costs come first. The rest share the last lane. The
-    chosen lanes are in the order of the file. See also `MANY`.
+    If there are too many tracks, tracks with unassigned steps or switches are chosen first, by
+    falling cost, then further tracks by falling cost. If there are more than `MANY` tracks, no
+    further tracks are chosen, except if no track has unassigned steps or switches. Tracks that are
+    not chosen share the last lane. The chosen lanes are in the order of the file.
     """
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)

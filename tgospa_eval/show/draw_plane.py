@@ -155,8 +155,8 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
         outline of all z with z' C^-1 z = 1. With r = q / (s t), its points are
         (s cos u, t sin(u + arcsin r)) for 0 <= u < 2 pi.
     power : float
-        Order of the norm whose unit ball is drawn, 2 for ellipses. Other norms need q = 0. Both
-        coordinates are then divided by the norm of (cos u, sin u).
+        Order of the norm whose unit ball is drawn, 2 for ellipses. For other norms, q must be 0,
+        and both coordinates of the points are divided by the norm of (cos u, sin u).
     """
     s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -441,7 +441,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # LaTeX would read a bracket or a star at the begin as an option of the row end before it.
+        # LaTeX would read a bracket or a star at the beginning as an option of the row before.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
