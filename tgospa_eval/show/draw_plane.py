@@ -631,13 +631,9 @@ def draw_inspection(
 ) -> Figure:
     """Draw two panels: one with trajectories in the plane, one with their times as lines.
 
-    Parameters
-    ----------
-    subject : pair of a sequence of (str, Trajectories) and a str
-        The sequence has the name and the trajectories of the truth, and possibly of an estimate.
-        The text is the unit of the states.
-    style : Style
-        Sizes and settings. If the style is narrow, one panel is above the other.
+    `subject` has a sequence, and the unit of the states. The sequence has the name and the
+    trajectories of the truth, and possibly of an estimate. If the style is narrow, one panel is
+    above the other.
     """
     sides, unit = subject
     columns = sides[0][1].columns

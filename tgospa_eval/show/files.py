@@ -357,12 +357,7 @@ def result_texts(
 ) -> dict[str, str | Path]:
     """Return the files of a result folder without pictures: texts, and paths of files to copy.
 
-    Parameters
-    ----------
-    result : Evaluation
-        Result to write.
-    names : pair of str
-        Names of truth and estimate in the report.
+    `names` are those of truth and estimate in the report.
     """
     from tgospa_eval.show.html import page  # lazy: for folders only
 

@@ -67,15 +67,7 @@ DISTANCE = "distance of assigned pairs"
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
-    """Return the page of a result.
-
-    Parameters
-    ----------
-    result : Evaluation
-        Result to show.
-    names : pair of str
-        Names of truth and estimate, such as the paths of their files.
-    """
+    """Return the page of a result. `names` has names of truth and estimate, such as their paths."""
     plotted, repaired = plot_data(result), explanation_of(result)
     return template("page.html.j2").render(
         **_values(result, names),
@@ -87,15 +79,7 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
 
 
 def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
-    """Return the page of an association, with the same pictures as that of a result.
-
-    Parameters
-    ----------
-    pairing : Pairing
-        Association to show.
-    names : pair of str
-        Names of both sets of states, such as the paths of their files.
-    """
+    """Return the page of an association. `names` has names of both sides, such as their paths."""
     plotted = plot_data(pairing)
     return template("association.html.j2").render(
         names=list(map(as_unicode, names)),

@@ -696,12 +696,8 @@ ANGLE = 64
 def described(spreads: list[Floats], stride: int) -> Json:
     """Return what the page needs to decode covariances; empty without covariances.
 
-    Parameters
-    ----------
-    spreads : list of (R, d (d + 1) / 2) float arrays
-        Lower triangles of the covariances of each side; (R, 0) for points.
-    stride : int
-        Number of steps between drawn states.
+    `spreads` has arrays of lower triangles like the column ``spread`` of `Rows`. `stride` is the
+    number of steps between drawn states.
     """
     around = [spread for spread in spreads if spread.size]
     if not around:

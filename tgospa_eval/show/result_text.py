@@ -259,12 +259,8 @@ def group_tables(
 ) -> Iterator[Table]:
     """Yield a table for each attribute. The table has a row for each pair of a slice and a group.
 
-    Parameters
-    ----------
-    heads : sequence of str
-        Heads of the columns that distinguish groups.
-    groups : sequence of tuple of str and slicings
-        Names of each group, and its costs split by each attribute.
+    Each of the `groups` has names, and its costs split by each attribute. `heads` are the heads of
+    the columns with the names.
     """
     for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
         by_name: dict[str, list[Row]] = {}

@@ -452,16 +452,9 @@ def draw_runs(
 ) -> Figure:
     """Draw the totals of the runs of a gate, and the totals of the runs of its baseline.
 
-    The totals of a scene are shown relative to the mean of its baseline.
-
-    Parameters
-    ----------
-    scenes : mapping of str to pair of sequences of float
-        For each scene (runs that differ only in their seed): the totals of the baseline's runs, and
-        of the current runs. If there are many scenes, only those with the largest changes of the
-        mean are drawn.
-    style : Style
-        Sizes.
+    The runs of a scene differ only in their seed. For each scene, `scenes` has the totals of the
+    baseline's runs, and the totals of the current runs. They are shown relative to the mean of the
+    baseline. If there are many scenes, only those with the largest changes of the mean are drawn.
     """
 
     def change(name: str) -> float:
@@ -489,15 +482,8 @@ def draw_runs(
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
     """Draw the curves of all groups over time with their bands, a panel for each kind of curve.
 
-    Parameters
-    ----------
-    tables : BatchTables
-        Tables with the curves.
-    style : Style
-        Sizes.
-    parts : bool
-        Whether to draw the parts of the cost instead of the total. If true, each part has a row of
-        panels, and each kind of curve has a column.
+    If `parts`, the parts of the cost are drawn instead of the total. Then each part has a row of
+    panels, and each kind of curve has a column.
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)

@@ -275,12 +275,7 @@ def as_markdown(document: Document) -> str:
 def as_latex(document: Document, *, aligned: bool = False) -> str:
     """Return the tables of a report for the LaTeX package booktabs; all other text is in comments.
 
-    Parameters
-    ----------
-    document : Document
-        Report to write.
-    aligned : bool
-        Whether to align the digits of numbers by the package siunitx.
+    If `aligned`, the package siunitx aligns the digits of numbers.
     """
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
@@ -417,7 +412,7 @@ def markdown_lines(
 
 
 def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
-    """Yield the lines of a table in LaTeX; the parameters are those of `as_latex`."""
+    """Yield the lines of a table in LaTeX; `aligned` is that of `as_latex`."""
     sides, bold = list(table.sides), r"\textbf{{{}}}"
     numeric = [
         k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
