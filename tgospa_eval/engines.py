@@ -51,7 +51,7 @@ become smaller towards the end."""
 class DiedError(Exception):
     """Error that a job has no answer, because each worker that tried it died.
 
-    On one machine, one worker tries a job. On a cluster, several do.
+    On one machine, a pool gives a job to one worker. On a cluster, Dask tries several workers.
     """
 
 
@@ -79,24 +79,27 @@ class Pool(Protocol):
         """Return the answer of a finished future, or raise `DiedError`."""
 
     def poll(self) -> None:
-        """Do regular checks while there is no answer."""
+        """Check the workers while there is no answer."""
 
 
 class Engine(Protocol):
     """Source of workers, in pools."""
 
     def open(self, max_workers: int) -> AbstractContextManager[Pool]:
-        """Yield a new pool. If the block raises an exception, the pool stops its work.
+        """Yield a pool. If the block raises an exception, the pool stops its work.
 
-        The pool has at most `max_workers` new workers. Existing workers are all used.
+        At most `max_workers` workers are started. Workers that exist already are all used.
         """
 
 
 ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
-"""Settings of the first, second and third attempt at a job. Each has the largest number of jobs in
-a chunk, the number of chunks that each worker has at once, and whether only one job runs at a time.
-If a worker dies, all jobs that it may have run are tried again with the next settings. In the last
-attempt, a job that kills its worker is identified, because no other job runs."""
+"""Settings of the first, second and third attempt at a job.
+
+Each attempt has three settings: the largest number of jobs in a chunk, the number of chunks that
+each worker has at once, and whether only one job runs at a time. If a worker dies, all jobs that it
+may have run get another attempt. In the last attempt, the job that kills its worker is known,
+because no other job runs.
+"""
 
 
 def spread(
@@ -141,8 +144,8 @@ def _until_one_dies(
 ) -> Iterator[R]:
     """Yield answers of `waiting` jobs until a worker dies or no job is left.
 
-    Jobs that may have killed the worker are moved to `suspects`. The last three parameters are as
-    in `ATTEMPTS`.
+    Jobs that may have killed the worker are moved to `suspects`. The last three parameters are the
+    settings of an attempt (`ATTEMPTS`).
     """
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
@@ -173,9 +176,9 @@ def _until_one_dies(
 
 
 def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
-    """Wait for a finished future, then yield all finished ones.
+    """Wait for a finished future, then yield all finished futures.
 
-    If there is none after `POLL` seconds, the pool is checked, and nothing is yielded.
+    If no future has finished after `POLL` seconds, check the pool and yield nothing.
     """
     try:
         yield ended.get(timeout=POLL)
@@ -272,9 +275,9 @@ class Local:
 
 
 def _begin_trackers() -> None:
-    """Start Python's resource tracker, so that it is not started in a block of `uninterrupted`.
+    """Start Python's resource tracker before a block of `uninterrupted`.
 
-    In Python up to 3.13, the start of the tracker would end the delay of Ctrl-C.
+    In Python up to 3.13, its start in such a block would end the delay of Ctrl-C.
     """
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
@@ -307,8 +310,8 @@ def _begin(share: int | None, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
 
-    # By default, loky ends a worker that has grown by 0.3 GB. Large jobs need more memory, which
-    # `share` limits. In a version of loky without this variable, the line has no effect.
+    # By default, loky ends a worker that has grown by 0.3 GB. Large jobs need more memory. Here,
+    # `share` is the limit. In a version of loky without this variable, the line has no effect.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     limit_memory(share)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -348,8 +351,8 @@ class PersistentPool:
     max_workers : int
         Largest number of workers in each pool.
     patience : float
-        Seconds for which the caller works itself before it opens the pool. Short work is then done
-        before workers are started.
+        Seconds for which the caller does the work itself before it opens the pool. Therefore, short
+        work needs no workers.
     """
 
     def __init__(self, engine: Engine, max_workers: int, patience: float = 0.0) -> None:
@@ -484,7 +487,7 @@ class Remote:
         self._is_reported = self.died = False
 
     def workers(self) -> int:
-        """Return the number of threads of all workers, as known at most a second ago."""
+        """Return the number of threads of all workers. It is updated at most once a second."""
         if time.monotonic() - self._counted > POLL:
             with self._lost_reported():
                 self._threads = sum(self.client.nthreads().values())
@@ -498,7 +501,7 @@ class Remote:
         """
         with self._lost_reported():
             content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
-            # If a job is submitted twice, Dask would run a pure function only once.
+            # With pure=True, Dask would run a job only once even if it is submitted again.
             future: Future = self.client.submit(call_checked, content, __version__, pure=False)
             return future
 
@@ -510,8 +513,8 @@ class Remote:
         DiedError
             All workers that tried the job died.
         ConfigError
-            The connection to the scheduler is lost, or workers have another version of the package
-            or none.
+            The connection to the scheduler is lost. Or workers lack the package, or have another
+            version of it.
         """
         from distributed import KilledWorker
 
@@ -523,7 +526,7 @@ class Remote:
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None
-        except RuntimeError as error:  # also if the scheduler itself cannot import a package
+        except RuntimeError as error:  # the scheduler itself may lack a package
             if isinstance(error.__cause__, ImportError):
                 raise self._lacking(error.__cause__) from None
             raise
@@ -650,7 +653,7 @@ def _answer(process: Any, message: object) -> Any:
         pickle.dump(message, process.stdin, pickle.HIGHEST_PROTOCOL)
         process.stdin.flush()
         return pickle.load(process.stdout)
-    except BaseException as error:  # also Ctrl-C: the next call must not get this answer
+    except BaseException as error:  # also Ctrl-C: otherwise the next call would read this answer
         _started.cache_clear()
         process.kill()
         process.communicate()

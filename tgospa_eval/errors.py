@@ -14,8 +14,8 @@ from operator import index
 from tgospa_eval.quoting import visible
 
 LARGEST_COUNT = 2**31 - 2
-"""Largest number of things with 32-bit indices. The end of a range of indices can be one larger
-than this, and still fits into 32 bits."""
+"""Largest number of things with 32-bit indices. The end of a range of indices can be one larger. It
+still fits into 32 bits."""
 
 
 class ExitStatus(IntEnum):
@@ -99,7 +99,7 @@ def whole_number(name: str, value: object, minimum: int = 1, maximum: int | None
 
 
 class NothingLeftError(ConfigError):
-    """Error that the options leave out all rows. In a batch, it is no error: the total is 0."""
+    """Error that the options leave out all rows. A batch takes 0 as the total of such a job."""
 
 
 class InputError(TgospaError, ValueError):

@@ -1,4 +1,4 @@
-"""Description of the data as read: counts, extents, overlaps. It is returned, not printed."""
+"""Description of the data as read: counts, extents and overlaps, as JSON and as text."""
 
 import math
 from collections.abc import Iterator
@@ -39,10 +39,10 @@ QUANTILES = (5, 25, 50, 75, 95)
 def inspect(
     files: list[tuple[str, Reading]], sides: AlignedPair | None, request: EvaluationRequest
 ) -> Json:
-    """Return the JSON document about the truth, or about the truth, an estimate and how they fit.
+    """Return the JSON document about a truth. With an estimate, it also tells how both fit.
 
-    `files` has path and content of the truth. If there is an estimate, its path and content follow.
-    `sides` has both sides after their times are aligned. It is None if there is no estimate.
+    `files` has the path and the content of the truth, then those of the estimate. `sides` has truth
+    and estimate with aligned times, or is None without an estimate.
     """
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
@@ -72,9 +72,9 @@ def inspect(
         notices = [notice for notice in every if notice.code]
         warnings += notices
         if both["nearest"] is not None and (explained(notices) or distance.largest < np.inf):
-            # No cutoff is suggested. Either a wrong unit or clock explains the distances, so they
-            # are not localisation errors. Or they have a largest possible value, such as 1 for
-            # boxes.
+            # No cutoff is suggested in two cases: a wrong unit or clock explains the distances,
+            # which then are no localisation errors; or distances have a largest possible value,
+            # such as 1 for boxes.
             both["nearest"]["suggested"] = None
     document["warnings"] = [notice.record() for notice in warnings]
     return document
@@ -147,7 +147,7 @@ def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
     count = np.bincount(side.track, minlength=len(side.ids))
     first = np.zeros(len(side.ids), np.int64)
     last = np.zeros(len(side.ids), np.int64)
-    last[side.track] = side.step  # rows are in order of steps, so the last step of a track stays
+    last[side.track] = side.step  # rows are sorted by step: the last row of a track wins
     first[side.track[::-1]] = side.step[::-1]
     return count, first, last
 
@@ -161,7 +161,7 @@ def _longest_hole(side: Trajectories) -> int:
 
 
 def _clock(side: Trajectories) -> Json:
-    """Return the first and last timestamp as read, and the distances between timestamps."""
+    """Return the first and last timestamp as read, and the gaps between timestamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
     gaps = spread(np.diff(side.times))
@@ -231,10 +231,10 @@ def _overlap(aligned: Alignment) -> Json | None:
 
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
-    """Return distances from true states to the nearest estimate at the same step.
+    """Return quantiles of distances from true states to the nearest estimate at the same step.
 
-    Only steps with rows of both sides are used; without such steps, the result is None. If there
-    are many, `SAMPLE` evenly spaced steps are examined, with at most `SAMPLE` true states at each.
+    Only steps with rows of both sides are used; without such steps, the result is None. At most
+    `SAMPLE` evenly spaced steps are examined, with at most `SAMPLE` true states at each.
     """
     both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
@@ -274,7 +274,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 # The data as read, as a table of 80 columns or as JSON.
 
 Extent = dict[str, float]
-"""Smallest and largest value as ``min`` and ``max``, possibly also ``median``."""
+"""Smallest value ``min``, largest value ``max``, and possibly the ``median``."""
 
 Row = tuple[str, list[str]]
 
@@ -301,7 +301,7 @@ def table(document: Json) -> str:
 
 
 def _columns(rows: list[Row]) -> list[str]:
-    """Return rows as lines; a cell that is too wide for its column continues below."""
+    """Return rows as lines. A cell that is too wide for its column continues on the next line."""
     count = len(rows[0][1])
     room = WIDTH - NAME_WIDTH - 1 - 2 * (count - 1)
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
@@ -322,7 +322,7 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
-    reasons = {  # rules that have names in the JSON which users may not understand
+    reasons = {  # names of rules in the JSON, and clearer words for them
         "blank": "no position",
         "duplicate": "repeated",
         "time": f"outside {option('time')}",
@@ -367,7 +367,7 @@ def _holes(holes: dict[str, int]) -> str:
 
 
 def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
-    """Yield lines on how the files fit; if `warned`, without a line on clocks that differ."""
+    """Yield lines on how the files fit. If `warned`, leave out the line on different clocks."""
     steps = both["steps"]
     yield in_both(steps) + (f", {steps['joined']} of them joined" if steps["joined"] else "")
     for side, rows in both["left_out"].items():
@@ -416,7 +416,7 @@ def _stretch(time: Json | None) -> str:
 
 
 def _shown_clock(clock: Json) -> str:
-    """Describe a scale and an offset of the estimate's timestamps by which these fit better."""
+    """Describe a scale and an offset that would make the timestamps of the estimate fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
         option(name, plain(value))
@@ -430,7 +430,7 @@ def _shown_clock(clock: Json) -> str:
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
-    """Format a range and its median, then a noun or unit: `one` after "1", otherwise `many`."""
+    """Format a range and its median with a noun or unit: `one` for the value 1, else `many`."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
@@ -439,7 +439,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
 
 
 def _steps(time: Json, unit: str) -> str:
-    """Format the range of the step lengths without the digits from rounding of timestamps."""
+    """Format the range of the gaps between steps, without rounding errors of the timestamps."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
     spread = time["step"]
@@ -447,7 +447,7 @@ def _steps(time: Json, unit: str) -> str:
 
 
 def _interval(extent: Extent | None) -> str:
-    """Format the ends of an interval. If they differ, there are enough digits to show this."""
+    """Format the ends of an interval, with enough digits to show that they differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]

@@ -7,7 +7,7 @@ PICTURES = ("plot_costs", "plot_lanes", "plot_plane", "plot_cumulative", "plot_w
 
 
 def __getattr__(name: str) -> Callable[..., Any]:
-    """Return the function of this name: its parameters are a result, then those of the method."""
+    """Return the function with this name, whose first parameter is a result."""
     if name not in PICTURES:
         raise AttributeError(name)
 

@@ -25,8 +25,11 @@ LISTED = 12
 """Largest number of names that a message lists."""
 
 _COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
-"""Begin of a command of a CI system. On GitHub (::error), only blanks can be before it on its line.
-On Azure, TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message]), any text can."""
+"""Pattern of the first character of a command of a CI system.
+
+On GitHub (::error), a command begins its line, possibly after blanks. On Azure, TeamCity and older
+GitHub (##[error], ##vso[task], ##teamcity[message]), any text can be before it.
+"""
 
 
 def visible(text: str) -> str:
@@ -39,23 +42,23 @@ def visible(text: str) -> str:
 
 
 def as_unicode(text: str) -> str:
-    """Return the text with escapes for bytes that are not UTF-8. Names of files can have these."""
+    """Return the text with escapes for bytes that are not UTF-8, as in some names of files."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
 def visible_lines(text: str) -> str:
-    """Return a text of several lines by `visible`, but keep its line breaks and tabs."""
+    """Return the text with the escapes of `visible`, but keep its line breaks and tabs."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
 def clipped(text: str, width: int = CLIPPED_LENGTH) -> str:
-    """Return the text by `visible`. Of a long text, return the beginning and three dots."""
+    """Return the text with the escapes of `visible`. A long text is cut, and three dots follow."""
     shown = visible(text[: width + 1])
     return shown if len(shown) <= width else f"{shown[: width - 3]}..."
 
 
 def ending(text: str, width: int) -> str:
-    """Return the text. Of a long text, return three dots and the end, where most names differ."""
+    """Return the text. A long text loses its beginning, because most names differ at the end."""
     return text if len(text) <= width else f"...{text[len(text) - width + 3 :]}"
 
 
@@ -65,7 +68,7 @@ def quoted(text: object) -> str:
 
 
 def listed(texts: Iterable[object], shown: int = LISTED) -> str:
-    """Join at most `shown` texts, each by `clipped`, with commas; add the number of the others."""
+    """Join the first `shown` texts, shortened by `clipped`, and add the number of the others."""
     names = list(texts)
     rest = f" and {len(names) - shown} more" if len(names) > shown else ""
     return ", ".join(clipped(str(name)) for name in names[:shown]) + rest
@@ -99,11 +102,11 @@ OF_READER = {
     "truth_format": "format",
     "estimate_format": "format",
 }
-"""Options whose keywords in `read_trajectories` have other names."""
+"""Names of some options as keywords of `read_trajectories`."""
 
 
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
-"""Pattern of numbers, which Python writes without quotes."""
+"""Pattern of values that are numbers. A message for Python shows them without quotes."""
 
 
 def option(name: str, value: object = None, *, metavar: str = "", short: bool = False) -> str:
@@ -114,9 +117,9 @@ def option(name: str, value: object = None, *, metavar: str = "", short: bool = 
     name : str
         Keyword of the option in Python.
     value : object, optional
-        Value of the option, if the message has one; True for a flag.
+        Value to show after the option; True for a flag.
     metavar : str
-        Text after the option if no value is given, such as ``FILE``.
+        Text to show instead of a value, such as ``FILE``.
     short : bool
         Whether to use the letter of the option on the command line.
     """
@@ -148,6 +151,6 @@ def spelled_for(name: str) -> Iterator[None]:
 
 
 def on_surface(name: str, function: Callable[..., T], *arguments: object) -> T:
-    """Call a function with this surface for its messages; used for new threads and processes."""
+    """Call a function with this surface for its messages. New threads and processes need this."""
     with spelled_for(name):
         return function(*arguments)

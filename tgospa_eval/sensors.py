@@ -1,9 +1,10 @@
 """Association of the states of two sensors, step by step, without files.
 
-The states of one sensor are called a side. At every step, pairs of states are chosen, which are
-then called associated. Each pair costs its distance d, and each state without a partner costs
-c / 2, where c is the cutoff. The chosen pairs have the smallest sum of these costs. A pair gains
-``c - d``, because its two states would cost c without it. Pairs with ``d >= c`` are not chosen.
+The states of one sensor are called a side. At every step, some pairs of states are chosen. Their
+states are called associated, or partners. Each pair costs its distance d, and each state without a
+partner costs c / 2, where c is the cutoff. The chosen pairs have the smallest sum of these costs. A
+pair gains ``c - d``, because its two states would cost c without it. Pairs with ``d >= c`` are not
+chosen.
 """
 
 from functools import cached_property
@@ -45,11 +46,11 @@ from tgospa_eval.tracks.trajectories import Trajectories
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
 NOBODY = -1
-"""Index that stands for "no partner" instead of the row of a partner."""
+"""Value for "no partner" in an array of row indices of partners."""
 
 MAX_STATES = 3000
-"""Largest number of states of one side at one step. States without a state of the other side within
-the cutoff are not counted. A matrix of 3000 x 3000 gains has 72 MB."""
+"""Largest number of states of one side at one step. A state counts only if it is nearer than the
+cutoff to a state of the other side. A matrix of 3000 x 3000 gains has 72 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +63,7 @@ class Pairing:
         Both sides, on the same times.
     pairs : Pairs
         The N measured pairs. A pair has a row of each side, at the same step. All pairs nearer than
-        the cutoff are measured; other pairs are measured only if requested.
+        the cutoff are measured, and other pairs on request.
     mean_distances : (N,) float array
         Distance between the means of both states of each pair.
     chosen : (N,) bool array
@@ -100,7 +101,7 @@ class Pairing:
 
     @cached_property
     def partners(self) -> tuple[Ints, Ints]:
-        """Row of the partner of each row, or `NOBODY`; an array for each side."""
+        """Row of the partner of each row, or `NOBODY`; one array per side."""
         a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
         rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
         a[rows[0]], b[rows[1]] = rows[1], rows[0]
@@ -108,7 +109,7 @@ class Pairing:
 
     @cached_property
     def partings(self) -> tuple[Floats, Floats]:
-        """Distance to the partner of each row, or 0 without a partner; an array for each side."""
+        """Distance of each row to its partner, or 0 without a partner; one array per side."""
         a, b = (np.zeros(len(side.step)) for side in self.sides)
         near = self.pairs.distance[self.chosen]
         a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
@@ -116,19 +117,22 @@ class Pairing:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Ellipses around the states inside which their partners can be; None without ellipses.
+        """Gates of the states of the first side; None for distances without scales, as of boxes.
 
-        Each ellipse is given by a matrix G. The result has a row for each state of the first side,
-        and a column for each of the d (d + 1) / 2 entries of the lower triangle of G, where d is
-        the number of state columns. Two states whose means differ by z are not associated if
-        z' G^-1 z >= 1.
+        A gate is an ellipse around a state, in which its partner can be. It is given by a matrix G:
+        two states whose means differ by z are not associated if z' G^-1 z >= 1. With d state
+        columns, the result has the d (d + 1) / 2 entries of the lower triangle of G as columns, and
+        a row for each state.
 
-        G_ij is c^2 C_ij / (s_i s_j). Here c is the cutoff, s has the scales of the columns, and C
-        is the covariance of the distance, by default the unit matrix. Some distances take C from
-        both states of a pair. For these, C is the mean of the covariances of the state and its
-        partner, and a state without partner counts as its own partner. On the Earth, G is valid
-        only near the state. The result is None for distances without scales, such as those of
-        boxes.
+        The entries of G are c^2 C_ij / (s_i s_j):
+
+        - c is the cutoff.
+        - s has the scales of the columns.
+        - C is the covariance of the distance, by default the unit matrix. Some distances take C
+          from both states of a pair. Then C is the mean of the covariances of the state and its
+          partner, or the covariance of a state without partner.
+
+        On the Earth, G is valid only near the state.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
@@ -151,9 +155,9 @@ class Pairing:
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     def associations_table(self) -> Columns:
-        """Return a row for each associated pair, and for each state without partner.
+        """Return a table with a row for each associated pair, and for each state without partner.
 
-        In the row of a state without partner, the other values are None.
+        In the row of a state without partner, the partner and the distances are None.
         """
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
@@ -167,13 +171,13 @@ class Pairing:
         return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
-        """Return a row for each of the `pairs`. ``associated`` is 1 for chosen pairs, else 0."""
+        """Return a table with a row for each of the `pairs`. In it, ``associated`` is 0 or 1."""
         pairs = np.arange(len(self.chosen))
         table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
     def cross_covariances_table(self) -> Columns:
-        """Return the cross-covariance of the particles of each associated pair.
+        """Return a table with the cross-covariance of the particles of each associated pair.
 
         Raises
         ------
@@ -201,14 +205,14 @@ class Pairing:
         return {**self._table(*rows, pairs), **entries}
 
     def _steps(self, a: Ints, b: Ints) -> Ints:
-        """Return the step of each pair of rows `a` and `b`; one row of a pair may be `NOBODY`."""
+        """Return the step of each pair of rows `a` and `b`. One of both can be `NOBODY`."""
         steps = [np.append(side.step, 0) for side in (self.first, self.second)]
         return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
     def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
         """Return a table of pairs, with None for `NOBODY`.
 
-        `a` and `b` are rows of the first and the second side, `pair` are indices in `pairs`.
+        `a` and `b` are rows of the first and of the second side, `pair` has indices of `pairs`.
         """
         values = (
             (self.first.shown, self._steps(a, b)),
@@ -244,8 +248,8 @@ def associate(
     distance : str or Distance
         Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a `Distance`.
     all_pairs : bool
-        Whether to measure all pairs of each step, also those that are farther apart than the
-        cutoff. This does not change the association.
+        Whether to measure all pairs of each step, also those farther apart than the cutoff. The
+        association stays the same.
     resources : Resources, optional
         Number of threads, and progress.
 
@@ -254,8 +258,8 @@ def associate(
     ConfigError
         The cutoff is not finite and > 0, or the distance does not exist.
     InputError
-        The sides have different times or columns, or states that do not fit the distance. Or a step
-        has too many states.
+        The sides have different times or columns. Their states do not fit the distance. A step has
+        too many states.
     """
     cutoff = real_number("cutoff", cutoff)
     if not 0 < cutoff < np.inf:
@@ -305,8 +309,8 @@ def _mean_distances(
 ) -> Floats:
     """Return the distances between the means of the pairs.
 
-    The distances are Euclidean, with the scales and periods of `distance`. But if `distance` has no
-    scales, as on the Earth and for boxes, it measures the means itself.
+    If `distance` has scales, the distances are Euclidean, with its scales and periods. If it has
+    none, as on the Earth and for boxes, `distance` itself measures the means.
     """
     means: Distance = Norm(
         name="euclidean",
@@ -323,18 +327,17 @@ def _mean_distances(
 # Reduction of all clouds of a recording, and measures of their change.
 
 CloudChange = tuple[int, int, float | None, float, float | None, float]
-"""Values of one cloud, in the order of `CHANGES`. An unknown or undefined value is None."""
+"""Values of one cloud with the names in `CHANGES`. An unknown or undefined value is None."""
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Column with a list for each cloud. The list has the distance between the cloud and its reduction
-before each iteration."""
+"""Column with a list for each cloud: its distances to its reduction, one before each iteration."""
 
 
 def reduce_trajectories(
     side: Trajectories, reduction: Reduction, resources: Resources | None = None
 ) -> tuple[Trajectories, Columns]:
-    """Reduce all clouds to fewer particles, and return a row of changes for each cloud.
+    """Reduce all clouds to fewer particles, and measure the change of each cloud.
 
     Parameters
     ----------
@@ -350,12 +353,18 @@ def reduce_trajectories(
     Trajectories
         Side with the reduced clouds and their means.
     dict of lists
-        Columns with a value for each cloud: id, t, particles (number before the reduction), kept
-        (number after it), wasserstein and sliced_wasserstein (distances of order 2 between the
-        cloud and its reduction), trace_kept (share of the trace of the covariance), mean_shift, and
-        history, the distances of `Reduction.trace`.
-        wasserstein is None if both clouds are too large for the exact distance, or if POT is not
-        installed. trace_kept is None if a cloud has no spread.
+        Columns with a value for each cloud:
+
+        - ``id``, ``t``: track and time
+        - ``particles``, ``kept``: number of particles before and after the reduction
+        - ``wasserstein``: distance of order 2 between the cloud and its reduction
+        - ``sliced_wasserstein``: sliced distance of order 2 between both
+        - ``trace_kept``: trace of the covariance after the reduction, as a share of that before
+        - ``mean_shift``: distance between the means
+        - ``history``: distances of `Reduction.trace`
+
+        ``wasserstein`` is None if both clouds are too large for the exact distance, or if POT is
+        not installed. ``trace_kept`` is None if the cloud has no spread.
     """
     resources = resources or Resources()
     if side.clouds is None:
@@ -372,7 +381,7 @@ def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[
 
 
 def _changes(before: Clouds, after: Clouds, resources: Resources) -> list[CloudChange]:
-    """Compare each cloud with its reduction, in threads: this takes longer than the reduction."""
+    """Compare each cloud with its reduction. Threads are used, because this takes long."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
@@ -398,8 +407,8 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         float(weights @ ((points - mean) ** 2).sum(axis=1))
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
-    # Weights in single precision may not sum to 1. This causes no warning, because reading
-    # normalised them.
+    # Weights in single precision may not sum to 1. No warning is needed, because they were
+    # normalised when they were read.
     exact = (
         cloud_wasserstein(*before, *after)
         if is_exact and sizes[0] * sizes[1] <= MAX_PARTICLES**2

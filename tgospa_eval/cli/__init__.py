@@ -27,8 +27,8 @@ from tgospa_eval.quoting import COMMAND, spelled_for
 # -------------------------------------------------------------------------------------------------
 # If memory is limited (``ulimit -v``), a child process does the work.
 #
-# Compiled code that gets no memory can abort, or exit with any status, even with 1, which means a
-# regression. In all these cases, the parent process reports that memory was too little.
+# Compiled code that gets no memory can abort, or exit with any status. Status 1 would even mean a
+# regression. In all these cases, the parent process reports a lack of memory.
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
 """Signals that can end a process because it lacks memory; other signals have other causes."""
@@ -59,7 +59,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
-        os.setpgid(0, 0)  # Ctrl-C then reaches only the parent, which passes it on to the child
+        os.setpgid(0, 0)  # Ctrl-C reaches only the parent, which passes it on
         # Each thread takes address space. If there is too little, OpenBLAS hangs or sends SIGINT.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         status = work()
@@ -70,7 +70,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
 
     def pass_on(number: int, _: object) -> None:
         heard.append(number)
-        # The second Ctrl-C kills the child, even while compiled code does not react to signals.
+        # The second Ctrl-C kills the child, because compiled code may not react to the first one.
         os.kill(child, signal.SIGKILL if heard.count(signal.SIGINT) > 1 else number)
 
     for number in passed_on:
@@ -101,19 +101,20 @@ def _limit() -> int | None:
 
 
 NEW_OBJECTS = 50_000
-"""Number of new objects after which Python searches for garbage. An evaluation makes almost none.
-Python's default of 700 takes 3 % of the time of a small evaluation, and 4 % with pictures."""
+"""Number of new objects after which Python searches for garbage. An evaluation makes almost no
+garbage. With Python's default of 700, the searches take 3 % of the time of a small evaluation, and
+4 % with pictures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line, and exit with a status that docs/reference/cli.md describes.
 
-    Without `arguments`, those of the process are used.
+    `arguments` are by default those of the process.
     """
     # At exit, Python would search all modules for garbage. That takes as long as a small evaluation
     # and is of no use, because the memory of the process is freed anyway.
     atexit.register(gc.freeze)
-    if arguments is None:  # then the process is the command itself, and not a Python program
+    if arguments is None:  # the process is the command, not a program of the user
         gc.set_threshold(NEW_OBJECTS)
         # Matrices are small, and the start of BLAS threads takes longer than a small evaluation.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -153,7 +154,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         status = max(error.exit_code, ExitStatus.WRONG_OPTION)
     except (KeyboardInterrupt, click.Abort):
         print_notice("interrupted")
-        _end_interrupted()  # end without waiting for a solver in compiled code, in its own thread
+        _end_interrupted()  # end without waiting for a thread of a solver
     except (OSError, MemoryError, ImportError, RuntimeError, SystemError) as error:
         status = _print_lacking(error)
     return status or 0
@@ -184,7 +185,7 @@ def _end_interrupted() -> None:
 
 def _invoke(arguments: list[str] | None) -> int | None:
     """Run the command line, and check that its output was written."""
-    if sys.stderr is None:  # reserve the number 2, else the next opened file gets it
+    if sys.stderr is None:  # otherwise the next opened file would get number 2
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     check_stdout()
     try:

@@ -27,7 +27,7 @@ SENSOR_OPTIONS = [
     for key, name in NAMES.items()
     if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
-"""Options of ``evaluate`` that this verb has, too, by their names in a settings file."""
+"""Options that this verb shares with ``evaluate``, by their names in a settings file."""
 
 _output = partial(Option, section="Output")
 
@@ -194,7 +194,7 @@ def read_states(
 
 
 def run_with_resources(work: "Callable[[Resources], T]", jobs: int | None, *, quiet: bool) -> T:
-    """Call `work` with resources for this number of threads, and show its progress."""
+    """Call `work` with resources for `jobs` threads, and show its progress."""
     from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Resources
 

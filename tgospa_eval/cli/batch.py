@@ -23,10 +23,10 @@ OF_REPORT = {
 
 
 class Batch(Verb):
-    """Command ``batch``, with the reports of stored results, ``batch report``."""
+    """Command ``batch``; ``batch report`` only reports stored results."""
 
     def uses(self, ctx: click.Context, name: str) -> bool:
-        """Return whether an option applies: to a report, only those of reports."""
+        """Check whether an option applies to the command, which can be ``batch report``."""
         return ctx.params["paths"][:1] != ("report",) or name in OF_REPORT
 
 
@@ -131,7 +131,7 @@ def _check_typed(ctx: click.Context) -> None:
     Raises
     ------
     click.UsageError
-        An option is only for evaluations. A report evaluates nothing.
+        An option is only for evaluations.
     """
     given = typed_options(ctx)
     for name in ctx.params:

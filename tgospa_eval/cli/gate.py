@@ -52,7 +52,7 @@ class Gate(Verb):
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep the arguments and the target, then parse the arguments."""
+        """Store the arguments and the target, then parse the arguments."""
         ctx.meta[TYPED] = tuple(args)
         where = None
         with suppress(click.UsageError):  # the same error is raised again
@@ -67,7 +67,7 @@ class Gate(Verb):
         return super().parse_args(ctx, args)
 
     def uses(self, ctx: click.Context, name: str) -> bool:
-        """Return whether an option applies: those of evaluations do not apply to stores."""
+        """Check whether an option applies. A store of results needs no options of evaluations."""
         from tgospa_eval.campaign.store import is_store
 
         return name not in NAMES.values() or not is_store(ctx.params["truth"])
@@ -141,7 +141,8 @@ def _run(
     Raises
     ------
     TgospaError
-        Nothing can be judged. Requested files and JSON have the error, too.
+        Nothing can be judged. Requested files have the error, too, and so has the report on stdout,
+        except in the format ``table``.
     """
     from tgospa_eval._version import __version__
     from tgospa_eval.api.gate import judge_all
@@ -190,7 +191,7 @@ def _run(
     for outcome in report.outcomes:
         for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
             print_notice((f"{outcome.name}: " if several else "") + note)
-    # Files are written first. They have the report and verdict even if stdout cannot be written.
+    # Files are written first, because they must be there even if stdout cannot be written.
     status = worst((report.status, _publish(gate, report)))
     try:
         emit(_printed(report, output.format_), output.format_)
@@ -201,7 +202,7 @@ def _run(
 
 
 def _printed(report: "Report", format: str) -> str:
-    """Return the report for stdout. A table is as wide as the terminal, but at least `WIDTH`."""
+    """Return the report for stdout. Tables are as wide as the terminal, but at least `WIDTH`."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.show.table_text import WIDTH
 
@@ -213,7 +214,7 @@ def _printed(report: "Report", format: str) -> str:
 def _publish(gate: GateOptions, report: "Report") -> int:
     """Write the requested files, and the annotations and step summary of GitHub.
 
-    Return 0, or 2 if one of them cannot be written. The others are written even then.
+    Return 0, or 2 if something cannot be written. Everything else is written nevertheless.
     """
     from tgospa_eval.campaign.gate.report import annotations, append_summary, junit
     from tgospa_eval.common.writing import write_file

@@ -96,7 +96,7 @@ def command(
 def _write_picture(
     path: str, kind: str, style: str, sides: "list[tuple[str, Trajectories]]", unit: str
 ) -> None:
-    """Draw the states of both files, and write the picture to a path in a format (`kind`)."""
+    """Draw the states of the files, and write the picture in the format `kind`."""
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.show.chart_list import Pictures, pictures
 

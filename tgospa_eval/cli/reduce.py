@@ -103,8 +103,8 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
     """Return statistics of the known values of a column.
 
-    For the column ``"wasserstein"``, return None if a value is unknown. The unknown values can be
-    the largest, so statistics of the others would mislead.
+    For the column ``"wasserstein"``, return None if a value is unknown. It could be the largest, so
+    statistics without it would mislead.
     """
     import numpy as np
 

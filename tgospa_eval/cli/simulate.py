@@ -28,14 +28,14 @@ BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 OPTION = "DIR"
-"""Word with which messages about the folder begin."""
+"""Name of the argument for the folder in messages."""
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distance for each kind of state except points."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
-    """Parse the text A:B to two numbers of steps; the text A gives the same number twice."""
+    """Parse the text A:B to two numbers of steps. A single number counts for both."""
     first, colon, last = text.partition(":")
     shortest, longest = parsed_whole(first), parsed_whole(last if colon else first)
     if shortest is None or longest is None:
@@ -222,7 +222,7 @@ def _size_of(side: "Trajectories", what: str) -> str:
 
 
 def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[str, ...]:
-    """Write one run of a published setting; return lines that describe it and say what to type."""
+    """Write one run of a published setting; return a description and the command to evaluate it."""
     from tgospa_eval.formats.write import csv_text
     from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation.settings import PUBLISHED, run_setting
@@ -231,7 +231,7 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     setting, kind = PUBLISHED[name], _kind(names)
     probe_folder(folder, kind, force=force, subject=OPTION)
     truth, estimate, measurements = run_setting(setting, seed)
-    # The file of measurements has a row for each; those of a step are in random order.
+    # Each measurement has a row. The measurements of a step are in random order.
     rows = (
         f"{time},{x!r},{y!r}\n"
         for time, points in zip(truth.times.tolist(), measurements, strict=True)
@@ -263,7 +263,7 @@ def _make_scene(
     particles: int | None,
     **options: Any,
 ) -> tuple[str, ...]:
-    """Write a scene; return a line that describes it, and the command that evaluates it.
+    """Write a scene; return a description, and the command to evaluate it.
 
     The cutoff in this command is well above the noise. The switch penalty is half of the cutoff.
     """

@@ -77,8 +77,8 @@ class Verbs(click.Group):
         Raises
         ------
         click.UsageError
-            The first argument is neither a verb nor a file, but is similar to a verb; or ``help``
-            is not followed by a verb.
+            The first argument is neither a verb nor a file, but is similar to a verb. Or the word
+            after ``help`` is not a verb.
         """
         if args[:1] == ["help"]:
             verb, section = args[1:2], args[2:]
@@ -137,8 +137,8 @@ class Verbs(click.Group):
             elif text.startswith("--"):
                 skip = text in taking
             elif text.startswith("-") and len(text) > 1:
-                # In joined letters, as in -qc5, the first option that takes a value takes the rest
-                # (5). If there is no rest, the next argument is its value.
+                # Letters can be joined, as in -qc5. The first one that needs a value (c) takes the
+                # rest (5) as value. If there is no rest, the next argument is the value.
                 value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
                 skip = value == len(text) - 1
             else:
@@ -149,8 +149,8 @@ class Verbs(click.Group):
 def _files_like(begin: str) -> list[str]:
     """Return the names of files in the current folder that begin with a text.
 
-    Names with blanks are left out: in a list that also has verbs, the shell would split them. If no
-    verb begins with the text, the shell itself completes the names of files.
+    These names are shown together with verbs. Names with blanks are left out, because the shell
+    would split them. If no verb begins with the text, the shell completes names of files itself.
     """
     import os  # lazy: few runs are completions
 
@@ -169,7 +169,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     Raises
     ------
     click.UsageError
-        No file has this name, and a verb is similar.
+        No file has this name, and a verb is similar to it.
     """
     import os  # lazy: not needed if the word is a verb
     import re

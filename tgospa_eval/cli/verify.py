@@ -24,8 +24,8 @@ NOT_OF_THE_TABLES = (
 )
 """Options of the metric and of the solver. The output does not name them.
 
-The output does not name the options of distances in `verify_tgospa.EXTRAS`, either. All other
-options of a proof say how files are read. The output names these."""
+Neither does it name the options of distances in `verify_tgospa.EXTRAS`. All other options of a
+proof say how files are read, and are named in the output."""
 
 
 NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
@@ -129,7 +129,7 @@ def _check_tables(
 ) -> str:
     """Check that the tables of a proof follow from the files and from the options in the proof.
 
-    Return these options as a text that begins with a comma; an empty text if there are none.
+    Return the class and the options of reading as a text. It is empty, or begins with a comma.
 
     Raises
     ------
@@ -204,13 +204,13 @@ def _differing(
 
 
 def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of a proof; files of options are those that the command line names.
+    """Return the options of a proof, with the files that the command line names for them.
 
     Raises
     ------
     InputError
-        The proof names a file, but the command line names none for this option. The file of the
-        proof is not opened.
+        The proof names a file for an option, but the command line does not. The file that the proof
+        names is not opened.
     UsageError
         The command line names a file for an option that the proof does not have.
     """

@@ -41,11 +41,14 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
     "cumulative": "of the steps up to t",
     "growing": "evaluated up to t",
 }
-"""Kinds of curves with their names. A curve at time t is the root of the mean of a cost over runs.
+"""Kinds of curves with their names. Each run has a cost at each time t.
 
-For ``step``, this cost is that of the step at t. For ``cumulative``, it is the sum of the costs up
-to t, divided by the number of steps of the horizon up to t. ``growing`` is like ``cumulative``, but
-the costs come from an evaluation of only the steps up to t.
+The value of a curve at t is the p-th root of the mean of these costs. The cost of a run at t is:
+
+- ``step``: the cost of the step at t
+- ``cumulative``: the sum of the costs up to t, divided by the number of steps of the horizon up to
+  t
+- ``growing``: the same quotient from an evaluation of only the steps up to t
 """
 
 LINE_NAMES = {
@@ -78,7 +81,7 @@ POINT_COLUMNS = (
     *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
     *(f"{part}{end}" for part in PARTS for end in ("", "_low", "_high")),
 )
-"""Columns of the table of a curve, which has a row for each time."""
+"""Columns of the table of a curve. The table has a row for each time."""
 
 KIND_COLUMN = "curve"
 """Name of the column with the kind of a curve, if a table has several curves."""
@@ -91,13 +94,13 @@ Band = tuple[Sequence[float | None], Sequence[float | None]]
 class RmsCurve:
     """Root mean square of the costs of the runs of a group, over time.
 
-    There are K times: those at which at least one run has a step.
+    The curve has K times. At each of them, at least one run has a step.
 
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group. Parameters that differ in the batch are added. No label or parameter
-        has the name of a column of `table`.
+        Labels of the group, and the parameters that differ in the batch. Their names are not
+        names of columns of `table`.
     kind : str
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
@@ -105,19 +108,19 @@ class RmsCurve:
     runs : sequence of int
         Number of runs over which the mean is taken, at each time.
     rms : mapping of str to sequence of float
-        Lines of the curve by name: K values each, in state units. The names are ``total`` and the
-        parts. Curves of the kind ``step`` also have ``gospa`` and ``gospa.PART``.
+        Lines of the curve by name: K values each, in state units. The names are ``total`` and those
+        of the parts. Curves of the kind ``step`` also have ``gospa`` and ``gospa.PART``.
     bands : mapping of str to pair of sequence of float
         Band around each line, by the same names; empty if there are too few runs.
     bounds : pair of sequence of float, optional
-        Proven lower and upper bounds of the line ``total``. None if the costs are parts of the cost
-        of one assignment, which has no bounds at each time.
+        Proven lower and upper bounds of the line ``total``. Only curves of the kind ``growing``
+        have bounds. For other kinds, this is None.
     band : str
         Kind of the bands, one of `BANDS`.
     means : mapping of str to sequence of float
-        Further lines of curves of the kind ``step``, with K means each: ``truth_states`` and
-        ``estimate_states`` are means over the runs, ``detection_rate`` and ``nees`` are over all
-        states of all runs. They are NaN at times without a value.
+        Further lines of curves of the kind ``step``, with K means each. ``truth_states`` and
+        ``estimate_states`` are means over the runs. ``detection_rate`` and ``nees`` are means over
+        all states of all runs. A mean is NaN at times without a value.
     """
 
     group: Mapping[str, str]
@@ -197,7 +200,7 @@ def curves_columns(curves: Sequence[RmsCurve]) -> Columns:
         for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
             table.setdefault(name, [*itertools.repeat(None, rows)]).extend(column)
         rows += size
-        for each in table.values():  # not all curves have all columns
+        for each in table.values():  # columns that this curve lacks
             each.extend(itertools.repeat(None, rows - len(each)))
     return table
 
@@ -226,25 +229,27 @@ MAX_LINES = 6
 class Ranking:
     """Ranking of the values of a label, such as all trackers.
 
-    They are ordered by the number ``combined``: the p-th root of the sum of the totals of all jobs.
+    The values are ordered by the number ``combined``. It is the p-th root of the sum of the totals
+    of all jobs.
 
     Parameters
     ----------
     label : str
         Name of the label.
     entries : list of dict
-        An entry for each ranked value of the label, best first. Each has its ``name``, its proven
-        ``place`` (best and worst possible), lower and upper bounds of ``combined`` and
-        ``per_step``, and parts by name. It also has ``confidence``, the 95 % interval of
-        ``combined``, and ``statistical_place``; both are None if there are too few pairs.
+        An entry for each ranked value of the label, best first. It has the value as ``name``, its
+        proven ``place`` (best and worst possible), lower and upper bounds of ``combined`` and
+        ``per_step``, and parts by name. It also has ``confidence`` (the 95 % interval of
+        ``combined``) and ``statistical_place``; both are None if there are too few pairs.
     comparisons : list of dict
-        All pairs of entries; the ``first`` has the smaller value. Each has the proven ``verdict``
-        and the proven bounds of the ``difference`` of ``combined``. It also has statistics: the
-        ends ``lower`` and ``upper`` of the 95 % interval of the difference, ``p_value``, ``p_holm``
-        and ``significant``. The statistics are None if there are too few pairs.
-    jobs, all_jobs : int
-        `jobs` is the number of jobs that all entries have; only these are compared. `all_jobs` is
-        the number of jobs for which at least one entry has a value.
+        A comparison for each pair of entries; the ``first`` has the smaller value. It has the
+        proven ``verdict`` and the proven bounds of the ``difference`` of ``combined``. It also has
+        statistics: the ends ``lower`` and ``upper`` of the 95 % interval of the difference,
+        ``p_value``, ``p_holm`` and ``significant``. They are None if there are too few `pairs`.
+    jobs : int
+        Number of jobs for which all entries have a value; only these are compared.
+    all_jobs : int
+        Number of jobs for which at least one entry has a value.
     pairs : int
         Number of pairs in the statistics. A pair has the values of two entries for one truth, or
         for one job if there is only one truth.
@@ -253,8 +258,7 @@ class Ranking:
     permutations : int
         Number of permutations in the test; 0 if there are too few pairs.
     seed : int
-        Seed for permutations that are drawn at random. This is done if there are too many to try
-        all of them.
+        Seed of the random permutations, which are used if there are too many to try all.
     order : float
         The order p.
     parameters : mapping of str to float or str
@@ -306,13 +310,13 @@ class Ranking:
 
     @property
     def population(self) -> str:
-        """Subject of a statistical conclusion: other runs for the same truth, or other truths."""
+        """Name of the data to which statistics apply: other runs of this truth, or other truths."""
         return "other runs of this scene" if self.truths == 1 else "other scenes"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:
-    """Everything that reports of a batch show.
+    """Content of all reports of a batch.
 
     Parameters
     ----------
@@ -375,7 +379,7 @@ class BatchTables:
 
     @property
     def heads(self) -> dict[str, str]:
-        """Displayed name of each column of `groups` that distinguishes groups, by column."""
+        """Displayed names of the columns of `groups` that distinguish groups, by column."""
         headings = {
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
@@ -460,7 +464,7 @@ class BatchTables:
 
     @cached_property
     def heat(self) -> Json | None:
-        """Table of `heat_of`, or None if the jobs have fewer than two labels.
+        """Table of the jobs by `heat_of`; None if the jobs have fewer than two labels.
 
         The columns are the values of the first label. The rows are the values of the second label.
         """
@@ -476,8 +480,8 @@ class BatchTables:
         names = list(dict.fromkeys(curve.name for curve in self.curves))
         first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
         names.sort(key=lambda name: self.compared.get(first[name], len(names)))
-        # If all groups differ in their first label, a group has the colour of this label, as in
-        # other pictures.
+        # If all groups differ in their first label, its values have the same colours as in other
+        # pictures.
         one_line_each = len(set(first.values())) == len(names)
         track = {
             name: self.compared.get(first[name], k) if one_line_each else k
@@ -521,8 +525,8 @@ TABLE_ROWS = 60
 """Largest number of rows of a table with numbers. Larger tables have coloured squares instead."""
 
 MAX_SQUARES = 1000
-"""Largest number of rows of a table. If there are more, it shows the rows with failed jobs and with
-the largest values."""
+"""Largest number of rows of a table. If there are more, rows with failed jobs are kept first, then
+rows with the largest values."""
 
 MAX_COLUMNS = 12
 
@@ -551,26 +555,30 @@ def heat_of(
     link : callable
         Function that receives a row and returns the path of its report, or an empty text.
     parameters : sequence of str
-        Parameters that differ between jobs. Costs with different values of them are not added, but
-        are in different rows, whose names contain these values.
+        Parameters that differ between jobs. Jobs with different values of these parameters are in
+        different rows. The names of the rows contain the values.
 
     Returns
     -------
     dict
-        ``down`` and ``across`` are the names of the two labels. ``rows`` has the values of the
-        label down, and ``columns`` those of the label across. ``hidden_rows`` is the number of rows
-        that are left out; these have the smallest values. ``hidden_columns`` is the number of
-        columns that are left out at the end. ``squares`` is true if there are too many rows for
-        numbers. ``ends`` are the smallest and the largest value, or None without values. ``scales``
-        is the number of sets of parameters. Each set has its own scale of shades, from the smallest
-        to the largest value of its jobs.
+        - ``down``, ``across``: names of the two labels
+        - ``rows``, ``columns``: values of the label down and of the label across
+        - ``hidden_rows``: number of rows that are left out, which have the smallest values
+        - ``hidden_columns``: number of columns that are left out at the end
+        - ``squares``: true if there are too many rows to show numbers
+        - ``ends``: smallest and largest value; None without values
+        - ``scales``: number of sets of parameters
+        - ``cells``: for each row, a list of cells; a cell without a job is None
 
-        ``cells`` is a list of rows of cells; a cell without a job is None. In a cell, ``jobs``
-        is the number of its jobs, and ``failed`` the number of those that failed. ``value`` has
-        both bounds of TGOSPA per step, or is None if all jobs failed. ``text`` is the value as
-        text, or "failed". ``level`` is the index of its shade, 0 for the smallest value. ``link``
-        is the path of the report if the cell has a single job. ``best`` is true if the value is
-        proven to be the best of its row.
+        Each set of parameters has its own scale of shades, from the smallest to the largest value
+        of its jobs. Each cell is a dict:
+
+        - ``jobs``, ``failed``: number of its jobs, and number of its failed jobs
+        - ``value``: both bounds of TGOSPA per step; None if all jobs failed
+        - ``text``: the value as text, or "failed"
+        - ``level``: index of the shade, 0 for the smallest value
+        - ``link``: path of the report if the cell has a single job
+        - ``best``: true if the value is proven to be the best of its row
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
@@ -658,7 +666,7 @@ def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequen
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
-    """Return the slices of all groups as one table, labels first. It is empty without slices."""
+    """Return the slices of all groups as one table; its first columns are the labels."""
     table: Columns = {}
     for names, slicings in _named_slices(tables):
         part = slices_columns(slicings)
@@ -683,7 +691,8 @@ STORED = "slices"
 """Column with the slices of each job, as a JSON text."""
 
 THRESHOLDS = ".at."
-"""Part of the names of columns whose values are lists: one number for each threshold of HOTA."""
+"""Text in some column names. The values of these columns are lists: a number for each threshold of
+HOTA."""
 
 
 def batch_columns(tables: BatchTables) -> Columns:
@@ -781,10 +790,10 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the table of the study, the table of costs per run, and perhaps a table of rankings.
+    """Yield the table of the study, the table of costs per run, and possibly a table of rankings.
 
-    The first table shows the rankings, too, if they use all jobs and each group has only one label.
-    Otherwise the rankings have a table of their own.
+    If the rankings use all jobs and each group has only one label, the first table shows the
+    rankings. Otherwise the rankings have a table of their own.
     """
     heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
     places = _places(tables)
@@ -840,8 +849,7 @@ def _ranked(tables: BatchTables) -> Iterator[Ranked]:
 def _places(tables: BatchTables) -> dict[GroupKey, Ranked]:
     """Return the ranking, entry and p value of each group, best first.
 
-    The result is empty if the rankings do not fit the groups: if groups have several labels, or if
-    a ranking leaves out jobs.
+    The result is empty if groups have several labels, or if a ranking leaves out jobs.
     """
     if len(tables.by) != 1 or any(one.jobs < one.all_jobs for one in tables.rankings):
         return {}
@@ -890,9 +898,9 @@ def _parameters(tables: BatchTables) -> Json:
 
 
 def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Return groups of row indices. The rows of a group differ only in the first label.
+    """Return lists of indices of rows that differ only in the first label.
 
-    A group is left out if its rows have different numbers of jobs, or if their ranking does not use
+    A list is left out if its rows have different numbers of jobs, or if their ranking does not use
     all jobs.
     """
     ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
@@ -904,10 +912,10 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 
 def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
-    """Yield the requested tables of groups: of other metrics, and of covariances."""
+    """Yield the table of other metrics and the table of covariances, if they are requested."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    means = [  # costs are means over the runs, as in compare
+    means = [  # costs of GOSPA are shown as means over the runs
         {name: own / row["jobs"] if "gospa." in str(name) else own for name, own in row.items()}
         for row in rows
     ]
@@ -945,7 +953,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 
 def _where(ranking: Ranking) -> str:
-    """Return the begin of a sentence: the parameters of a ranking, if they differ in the batch."""
+    """Return the beginning of a sentence on a ranking: its parameters, or an empty text."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
@@ -1006,7 +1014,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
 
 
 def about_periods(tables: BatchTables) -> Iterator[str]:
-    """Yield a sentence on how long each report of a tracker is valid, for each group."""
+    """Yield a sentence on the time for which an estimate stays valid, for each group."""
     if "parameters" in tables.rows:
         keys = [*(f"label.{name}" for name in tables.by), *tables.parameters, "_all"]
         rows = tables.rows.dropna(subset="parameters").assign(_all="")

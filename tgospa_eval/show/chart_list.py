@@ -1,7 +1,7 @@
 """List of all pictures that can be drawn of a result, a comparison, a batch and so on.
 
-The subject of a picture is the object that it shows. matplotlib is imported when the first picture
-is drawn.
+The subject of a picture is the object that it shows, such as a result. matplotlib is imported when
+the first picture is drawn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -88,13 +88,13 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "page of a batch": _CURVES,
     "page of a gate": {"runs": Chart("several:draw_runs")},
 }
-"""Pictures of each kind of subject, by the name of the file. A result of data in parts has only the
-pictures without single tracks and windows."""
+"""Pictures of each kind of subject, by the name of the file. A result of data in parts lacks the
+pictures of single tracks and windows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Options of pictures. Unknown names in them are errors.
+    """Options of pictures.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Pictures:
         return tuple(name for name in PARTS if self.components is None or name in self.components)
 
     def names(self, *kinds: str) -> tuple[str, ...]:
-        """Return the names of all files in which subjects of these kinds can have pictures."""
+        """Return the names of all picture files that subjects of these kinds can have."""
         charts = (name for kind in kinds for name in CHARTS[kind])
         return tuple(f"{name}.{form}" for name in charts for form in self.formats)
 
@@ -172,8 +172,8 @@ def pictures(
 
     `kind` is the kind of the subject, a key of `CHARTS`. Each picture has a file in each format.
     The result is empty if matplotlib is not installed. Before the files of a picture are made,
-    `notify` receives its name and the share of pictures that are done. Only one figure is in
-    memory at a time.
+    `notify` receives the name of a file and the share of pictures that are done. Only one figure is
+    in memory at a time.
     """
     wanted, charts, files = wanted or Pictures(), CHARTS[kind], dict[str, bytes]()
     for at, (name, chart) in enumerate(
@@ -212,7 +212,7 @@ def plot(
     Raises
     ------
     ConfigError
-        A name is unknown, matplotlib is not installed, there is nothing to draw, or single axes are
+        A name is unknown, matplotlib is not installed, or there is nothing to draw. Or `ax` is
         given for a picture with several panels.
     """
     wanted, chart = Pictures(**options), CHARTS[kind][name]

@@ -81,7 +81,8 @@ def estimates_columns(document: Json) -> Columns:
 def pairs_columns(document: Json) -> Columns:
     """Return a table with a row for each pair of estimates.
 
-    Columns ``per_step_`` have the cost per step of the second estimate minus that of the first.
+    Columns with names like ``per_step_missed`` have a difference of costs per step: the cost of the
+    second estimate minus that of the first.
     """
     pairs = document["pairs"]
     table = table_text.columns(pairs, ("first", "second", "verdict"))
@@ -105,7 +106,7 @@ def _order(document: Json) -> str:
 
 
 def _what(document: Json) -> str:
-    """Return a text on the content of the report, with the command for another comparison."""
+    """Return a text on the content of the report, and a command for another comparison."""
     count = len(document["estimates"])
     if count > 1:
         return f"Ranking of {count} estimates; {table_text.TO_STUDY}"
@@ -170,7 +171,7 @@ def _study_tables(document: Json, requested: Sequence[str]) -> Iterator[table_te
 
 
 def _pair_tables(document: Json) -> Iterator[table_text.Table]:
-    """Yield a table of cost per step: the difference between each estimate and the first one."""
+    """Yield a table of differences of costs per step between each estimate and the first one."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
@@ -358,7 +359,7 @@ ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation
 
 
 def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
-    """Yield a table of values of the problem with entropy; none if no run has such a value."""
+    """Yield a table about the values with entropy; none if no run has such a value."""
     named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
     if named:
         names, values = zip(*named, strict=True)
@@ -375,7 +376,7 @@ def _entropic_tables(runs: Sequence[Json]) -> Iterator[table_text.Table]:
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
-"""Columns of times. ``all`` is the time of solving and proof; the other columns are its stages."""
+"""Columns of times. ``all`` is the time of solving and proof. The other columns are its parts."""
 
 
 def _stages(runs: Sequence[Json]) -> Columns:
@@ -639,7 +640,7 @@ def _quantity(sweep: SweepEvaluation, k: int) -> str:
 def _sweep_notes(sweep: SweepEvaluation) -> Iterator[str]:
     """Yield sentences on the ranges of the parameter over which counts stay the same.
 
-    If a value is not exact, there are none, because its counts may not be those of the optimum.
+    There are no sentences if TGOSPA at a value is not exact, because its counts can then be wrong.
     """
     letter = table_text.LETTERS[sweep.parameter]
     if len(sweep.points) < 2 or not sweep.certified:

@@ -51,7 +51,8 @@ MARGIN = 0.8
 def draw_costs(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     """Draw the cost of each step as a stacked bar.
 
-    If there are too many steps, a bar shows several steps: the costliest of them, or their mean.
+    If there are too many steps, a bar stands for several steps. It shows the costliest of them, or
+    their mean for data in parts.
     """
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(data.document["costs"][name], float) for name in parts}
@@ -132,7 +133,7 @@ def draw_nees(data: PlotData, style: Style) -> Figure | None:
 
 
 def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figure:
-    """Draw a curve: at each step k, the p-th root of the mean cost of the steps up to k."""
+    """Draw the curve: for each step k, the normalised value of the steps up to k."""
     values = {name: data.document["curve"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(data, style, data.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", data.about)
@@ -140,7 +141,7 @@ def draw_cumulative(data: PlotData, style: Style, parts: Sequence[str]) -> Figur
 
 
 def draw_windows(data: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
-    """Draw the p-th root of the mean cost of each window, at the middle of the window."""
+    """Draw the normalised value of each window, at the middle of the window."""
     windows = data.document.get("windows")
     if windows is None:
         return None
@@ -173,7 +174,7 @@ def _draw_lines(
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
-    """Return edges and values of bars; gaps between bars become bars with the value NaN."""
+    """Return the edges and values of bars. A gap between two bars becomes a bar of value NaN."""
     gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
     places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
     return places, [np.insert(value, gaps, np.nan) for value in values]
@@ -268,7 +269,7 @@ def bars(
     letters: int = 20,
     room: float = 1.1,
 ) -> None:
-    """Draw horizontal stacked bars, the first bar at the top, and write its sum next to each bar.
+    """Draw horizontal stacked bars, the first at the top, each with its sum written next to it.
 
     There is room for at least `rows` bars. Names are shortened to `letters` characters. The axis is
     `room` times as long as the longest bar.
@@ -278,7 +279,7 @@ def bars(
         kept = cost > 0
         if kept.any():
             corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
-            # All bars are one shape. If each were a shape, its pattern would be drawn again.
+            # One shape for all bars is quick, because its pattern is drawn only once.
             path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
@@ -297,8 +298,9 @@ def bars(
 
 
 # -------------------------------------------------------------------------------------------------
-# Lanes: a row over time for each truth, and below for each estimate with false steps. A run is a
-# sequence of consecutive steps at which a track has the same partner.
+# Lanes: a row over time for each object of the truth, and below them one for each track of the
+# estimate with false steps. A run is a sequence of consecutive steps at which a track has the same
+# partner. A column of a lane stands for some consecutive steps.
 
 VECTOR_SHAPES = 4000
 """Largest number of shapes of a kind that stay shapes in vector files; more are drawn as pixels."""
@@ -310,20 +312,20 @@ HALF = 0.4
 """Half the height of a bar. The distance between the middles of two lanes is 1."""
 
 MANY = 40
-"""Number of tracks of a side. If there are more, all tracks without unassigned steps and switches
-share the last lane."""
+"""Largest number of tracks of a side that all have lanes. If there are more, tracks without
+unassigned steps and switches share the last lane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Places of the lanes of a side, the truth or the estimate, from top to bottom.
+    """Positions of the lanes of a side, the truth or the estimate, from top to bottom.
 
     Parameters
     ----------
     side : SideData
         The side.
     tracks : (L,) int array
-        Indices of the tracks with a lane of their own, in this order.
+        Indices of the tracks with a lane of their own, from top to bottom.
     hidden : (K,) int array
         Indices of the tracks that share the last lane.
     first : int
@@ -397,11 +399,12 @@ def draw_lanes(data: PlotData, style: Style) -> Figure:
 
 
 def arranged(side: SideData, tracks: Ints, max_lanes: int, first: int) -> Lanes:
-    """Choose which tracks have their own lanes, at most `max_lanes`, and return the lanes.
+    """Choose which tracks have their own lanes, and return at most `max_lanes` lanes.
 
-    If there are too many tracks, those with unassigned steps or switches are chosen first, then
-    those with high costs. The other tracks share the last lane. Chosen lanes are in the order of
-    the file.
+    If there are too many tracks, tracks with unassigned steps or switches are chosen first, by
+    falling cost, then further tracks by falling cost. If there are more than `MANY` tracks, no
+    further tracks are chosen, except if no track has unassigned steps or switches. Tracks that are
+    not chosen share the last lane. The chosen lanes are in the order of the file.
     """
     if len(tracks) <= min(max_lanes, MANY):
         return Lanes(side=side, tracks=tracks, hidden=tracks[:0], first=first)
@@ -432,8 +435,8 @@ def _bars(
 ) -> dict[str, Artist]:
     """Draw assigned runs as bars and unassigned runs as frames, and return entries of the legend.
 
-    Frames are at least `pixel` wide. `whole` is false if there are too many steps to tell them
-    apart. If it is false, no frames are drawn, because `_shares` draws the unassigned steps.
+    Frames are at least `pixel` wide. If there are too many steps to distinguish them, `whole` is
+    false. Then no frames are drawn, because `_shares` draws the unassigned steps.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = place_of = lanes.place(run["track"])
@@ -475,7 +478,7 @@ def _room(style: Style) -> float:
 
 
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
-    """Return the column in which each step is drawn: all steps are divided into equal columns."""
+    """Return the index of the column in which each step is drawn."""
     return step * columns // max(steps, 1)
 
 
@@ -499,7 +502,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 
 def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str) -> None:
-    """Draw a box for each column of a lane, from its top down: the share of unassigned steps."""
+    """Draw the share of unassigned steps in each column of a lane, as a box from the top down."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
@@ -514,7 +517,7 @@ def _shares(axis: Axes, lanes: Lanes, data: PlotData, columns: int, colour: str)
 
 
 def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Darken the foot of the bars: the height in each column is its largest error divided by c."""
+    """Darken the lower part of the bars: in each column, the largest error as a fraction of c."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
@@ -532,7 +535,7 @@ def _errors(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
 
 
 def _draw_hidden(axis: Axes, lanes: Lanes, data: PlotData, columns: int) -> None:
-    """Draw the shared lane: heights show the number of unassigned states in each column."""
+    """Draw the number of unassigned states of each column in the shared lane, as heights."""
     if not len(lanes.hidden):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
@@ -554,7 +557,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
     """Return the indices of the switches to draw.
 
     If there are more steps than columns, only the largest switch in each column of a lane is drawn.
-    Of several equally large switches, it is the first.
+    If several are equally large, only the first of them is drawn.
     """
     if steps <= columns:
         return np.arange(len(place))
@@ -566,7 +569,7 @@ def _shown_switches(place: Floats, switches: dict[str, Ints], columns: int, step
 def _switches(
     axis: Axes, truths: Lanes, data: PlotData, style: Style, columns: int
 ) -> dict[str, Artist]:
-    """Draw switches as triangles at the top of the lanes; fractions of a switch are small."""
+    """Draw switches as triangles at the top of the lanes, small ones for fractions of a switch."""
     switches = data.switches
     if not len(switches["step"]):
         return {}
@@ -609,7 +612,7 @@ def _names(axis: Axes, lanes: Lanes, data: PlotData, letters: float, room: float
 
 
 def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
-    """Write the id of its track next to each lane; at shared lanes, write the number of tracks."""
+    """Write ids of tracks next to the lanes; at a shared lane, write the number of its tracks."""
     places: list[float] = []
     names: list[str] = []
     for lanes in groups:

@@ -1,4 +1,9 @@
-"""Trajectories in the plane, with marks of missed targets, false targets and switches."""
+"""Trajectories in the plane, with marks of missed targets, false targets and switches.
+
+A state can have a shape around it: a box, an ellipse of its covariance, or an interval if one axis
+is the time. An association also has gates: ellipses in which the partner of a state can be. A
+second panel enlarges the surroundings of the assigned pair with the largest distance.
+"""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +39,7 @@ from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FEW = 30
-"""Largest number of trajectories for which shapes are drawn. More shapes would hide each other."""
+"""Largest number of trajectories that have shapes along them. More shapes would hide each other."""
 
 CORNERS = 48
 """Number of corners with which an ellipse is drawn."""
@@ -43,7 +48,7 @@ SPACING = 2.0
 """Distance between two shapes of a trajectory, relative to the size of the larger one."""
 
 STEPS = 2
-"""Number of steps before and after the farthest pair in the enlarged part of the picture."""
+"""Number of steps that the enlarged part shows before its pair, and number of steps after it."""
 
 INTERVALS = 24
 """Number of shapes along a trajectory if one axis is the time."""
@@ -86,9 +91,8 @@ class Plane:
         """Return the sizes (3, R) of R ellipses in the plane, as `ellipses` expects them.
 
         `packed` has the lower triangle of a covariance C for each ellipse. The ellipse is the
-        outline of all z with z' C^-1 z = radius^2. If one of the axes is the time, the ellipse
-        becomes an interval of the other column. If C does not have the columns of the plane, all
-        sizes are 0.
+        outline of all z with z' C^-1 z = radius^2. If one axis is the time, the ellipse becomes an
+        interval on the other axis. If C lacks a column of the plane, all sizes are 0.
         """
         spans, columns = np.zeros((3, len(packed))), self.data.document["columns"]
         odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes are no state columns
@@ -106,7 +110,7 @@ class Plane:
     def extents(self) -> dict[str, Floats]:
         """Sizes (3, R) of the shapes around the R states of each side, 0 without a shape.
 
-        The sizes of a box are half its width, half its height, and 0. They are all 0 unless the
+        The sizes of a box are half its width, half its height, and 0. Boxes have shapes only if the
         axes are left and top, or centre x and centre y.
         """
         data = self.data
@@ -121,12 +125,12 @@ class Plane:
 
     @cached_property
     def gates(self) -> Floats | None:
-        """Sizes (3, R) of the gates around the states of the first side of an association."""
+        """Sizes (3, R) of the gates around the states of the first side; None without gates."""
         gate = self.data.truth.row.get("gate")
         return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: SideData, among: Ints | None = None) -> Ints:
-        """Return the rows of a side that have a shape; if `among` is given, only rows in it."""
+        """Return the rows of a side that have a shape. `among` restricts them to some rows."""
         reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
@@ -147,12 +151,12 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
     middle : (2, K) float array
         Middle of each ellipse.
     sizes : (3, K) float array
-        s, t and q of each ellipse: the outline of all z with z' C^-1 z = 1, where C is the matrix
-        [s^2, q; q, t^2]. Its corners are (s cos u, t sin(u + arcsin r)) for 0 <= u < 2 pi, where
-        r = q / (s t).
+        s, t and q of each ellipse. They form the matrix C = [s^2, q; q, t^2]. The ellipse is the
+        outline of all z with z' C^-1 z = 1. With r = q / (s t), its points are
+        (s cos u, t sin(u + arcsin r)) for 0 <= u < 2 pi.
     power : float
-        Order of the norm whose unit ball is drawn, 2 for ellipses. Other norms need q = 0. Both
-        coordinates are then divided by the norm of (cos u, sin u).
+        Order of the norm whose unit ball is drawn, 2 for ellipses. For other norms, q must be 0,
+        and both coordinates of the points are divided by the norm of (cos u, sin u).
     """
     s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -169,7 +173,7 @@ def surroundings(
     """Draw the shapes and particles of states; return entries of the legend.
 
     `rows` are the states of each side, and `speck` is the area of a particle of mean weight. A note
-    in the corner tells how many shapes and particles are drawn, and how many there are.
+    in the corner tells the numbers of drawn and of all shapes and particles.
     """
     handles: dict[str, Artist] = {}
     counts: list[str] = []
@@ -213,9 +217,9 @@ def surroundings(
 
 
 def rows_along(plane: Plane) -> dict[str, Ints]:
-    """Return the rows of each side around which shapes are drawn, at intervals along trajectories.
+    """Return the rows of each side that get shapes, at intervals along the trajectories.
 
-    There are none if there are more than `FEW` trajectories.
+    If there are more than `FEW` trajectories, no rows get shapes.
     """
     chosen: dict[str, Ints] = {}
     for side in plane.data.sides:
@@ -232,10 +236,12 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     """Return the rows of each side that the enlarged part of the picture shows.
 
-    The rows are near the assigned pair with the largest distance, at its step and a few steps
-    before and after it. For associations, only the step of the pair is shown, unless an axis is the
-    time. The result is empty if states have neither ellipses nor gates, if states are boxes, or if
-    there are fewer than three states.
+    The rows are near the assigned pair with the largest distance. Their steps are at most n steps
+    before or after the step of the pair. If an axis is the time, n is half of `INTERVALS`.
+    Otherwise n is `STEPS`, or 0 if there are gates.
+
+    The result is empty if states are boxes, if there are neither ellipses nor gates, or if there
+    are fewer than three states.
     """
     data, gates = plane.data, plane.gates
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
@@ -261,8 +267,8 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
 def pairs(plane: Plane, row: Ints) -> Floats:
     """Return lines from estimates to the truths assigned to them.
 
-    `row` has the rows of the estimate that are drawn. The result (2, 3 K) has three columns for
-    each of K pairs: the estimate, the truth, and NaN, which ends the line.
+    `row` has the drawn rows of the estimate. The result (2, 3 K) has three columns for each of K
+    pairs: the position of the estimate, that of the truth, and NaN as the end of the line.
     """
     truth, estimate, key = plane.data.truth.row, plane.data.estimate.row, plane.data.steps + 1
     keys = np.append(truth["track"] * key + truth["step"], NONE)
@@ -274,10 +280,10 @@ def pairs(plane: Plane, row: Ints) -> Floats:
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
-    """Return rows of tracks that are not too near each other.
+    """Return rows of each track that are not too near each other.
 
-    In each track, the first row is returned. Then each next row is returned if its distance to the
-    last returned row is larger than the `reach` of both.
+    The first row of a track is returned. A later row is returned if its distance to the last
+    returned row is larger than the `reach` of each of these two rows.
     """
     kept = []
     last = -1
@@ -302,7 +308,7 @@ CELLS = 48
 """Number of cells along each axis. In each cell, all events of a kind share one mark."""
 
 COVERED = 0.08
-"""Largest share of the picture that marks of one kind cover, so that they stay distinct."""
+"""Largest share of the picture that marks of one kind can cover. With more, they would overlap."""
 
 MANY_TRACKS = 100
 """Number of trajectories above which lines are fainter, so that marks stand out."""
@@ -311,7 +317,8 @@ FADED = 0.35
 """Opacity of the lines in the enlarged part of the picture."""
 
 STRETCH = 8
-"""Largest ratio of the lengths of both axes at which they have the same scale."""
+"""Largest factor between the lengths of two axes of the same scale. If it would be larger, the axes
+have different scales."""
 
 
 MARKS: dict[str, dict[str, Any]] = {
@@ -321,7 +328,7 @@ MARKS: dict[str, dict[str, Any]] = {
 """Looks of the marks of missed and false states."""
 
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
-"""All marks of one kind of event: name of the kind, coordinates x and y, and looks."""
+"""All marks of one kind of event: name of the kind, x coordinates, y coordinates, and looks."""
 
 
 def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
@@ -371,7 +378,7 @@ def draw_plane(data: PlotData, style: Style, columns: Sequence[str] | None = Non
     titled(axis, style, "Trajectories", data.about)
     fits = len(handles) <= 5 and sum(map(len, handles)) < 16 * style.width
     beside = 7 if style.wide else 5 if fits else -(-len(handles) // 2)
-    # The legend of the enlarged part has longer names.
+    # With an enlarged part, the legend has longer names.
     beside = min(beside, 5 if style.wide else 3) if enlarged else beside
     legend(made, list(handles.values()), list(handles), beside)
     return made
@@ -431,10 +438,10 @@ def _extent(values: list[Floats]) -> float:
 
 
 def unit_scale(across: str, up: str, stretch: float) -> float | None:
-    """Return the length of a unit of the vertical axis over that of the horizontal axis.
+    """Return the length of a unit of the vertical axis, divided by that of the horizontal axis.
 
     The result is None if the axes cannot share a scale: one is the time, or only one is an angle on
-    the Earth. `stretch` is the length of a degree of latitude over that of a degree of longitude.
+    the Earth. `stretch` is the result of `map_stretch`.
     """
     if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
         return None
@@ -450,7 +457,7 @@ def _lines(
     many: bool,
     fade: float,
 ) -> dict[str, Artist]:
-    """Draw a line through each stretch of consecutive steps of a track, and dots at single states.
+    """Draw a line through consecutive states of a track, and a dot at a state without neighbours.
 
     Tracks of the estimate have the colours of `TRACK_COLOURS` in turn.
     """
@@ -460,7 +467,7 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     separate = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > data.document["stride"])
     breaks = np.flatnonzero(separate) + 1
-    single = np.zeros(len(row["track"]), bool)  # states with a dot, as a line would not show them
+    single = np.zeros(len(row["track"]), bool)  # states that get a dot
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # All tracks of a colour are one line with gaps: a thousand lines would take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
@@ -492,11 +499,11 @@ def _ends(
     inches: tuple[float, float],
     extent: Sequence[float],
 ) -> None:
-    """Draw the id of each track, and an arrowhead at its end unless an axis is the time.
+    """Draw the ids of tracks, and arrowheads at their ends; no arrowheads if an axis is the time.
 
-    Ids of estimates are at the ends of tracks, ids of truths at the begins. If there are many
-    tracks, only the costliest have arrowheads and ids. Ids that would overlap are left out.
-    `inches` is the size of the axes, and `extent` has the lengths that both axes show, in units.
+    Ids of the truth are at the first states, ids of the estimate at the last states. If there are
+    many tracks, only the costliest have arrowheads and ids. Ids that would overlap are left out.
+    `inches` is the size of the axes. `extent` has the range of both axes, in their units.
     """
     letters = 0.8 * float(axis.xaxis.label.get_fontsize())
     scale = 72 * np.array(inches) / extent  # points per unit
@@ -593,10 +600,7 @@ def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Float
 
 
 def rows_of_switches(data: PlotData) -> Ints:
-    """Return a row of the truth for each switch.
-
-    This is the row of the object at the step of the switch, or the last row before that step.
-    """
+    """Return, for each switch, the last row of its object at or before the step of the switch."""
     key = data.steps + 1
     row, switches = data.truth.row, data.switches
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
@@ -615,7 +619,7 @@ LOOKS = (
 estimate."""
 
 NAMED = 30
-"""Largest number of trajectories whose ids are written."""
+"""Largest number of trajectories whose ids are written; in a picture of a result, for each side."""
 
 PRESENCE = "trajectory"
 """Name of the vertical axis in the panel over time. Each trajectory is a line in this panel."""
@@ -627,13 +631,9 @@ def draw_inspection(
 ) -> Figure:
     """Draw two panels: one with trajectories in the plane, one with their times as lines.
 
-    Parameters
-    ----------
-    subject : pair of a sequence of (str, Trajectories) and a str
-        The sequence has name and trajectories of the truth, then possibly those of an estimate. The
-        text is the unit of the states.
-    style : Style
-        Sizes and settings. If the style is narrow, one panel is above the other.
+    `subject` has a sequence, and the unit of the states. The sequence has the name and the
+    trajectories of the truth, and possibly of an estimate. If the style is narrow, one panel is
+    above the other.
     """
     sides, unit = subject
     columns = sides[0][1].columns

@@ -1,4 +1,4 @@
-"""Figures of matplotlib, made without windows and pyplot, and files with reproducible bytes."""
+"""Figures of matplotlib without windows and pyplot, and files with reproducible bytes."""
 
 import io
 import warnings
@@ -79,7 +79,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")
-        if kind == "png":  # this is quicker than savefig, and the file has no alpha channel
+        if kind == "png":  # quicker than savefig, and without an alpha channel
             canvas.draw()
             colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
             image = Image.fromarray(colours)
@@ -90,7 +90,7 @@ def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
 
 
 def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
-    """Draw filled steps. The caller sets the limits of the axes, because computing them is slow."""
+    """Draw filled steps. The limits of the axes are not computed here, because this is slow."""
     made = StepPatch(top, edges, fill=True, **looks)
     axis.add_artist(made)
     return made
@@ -139,7 +139,7 @@ def legend(made: Any, handles: Sequence[Artist], names: list[str], columns: int)
 
 
 def literal(text: str, width: int = 24) -> str:
-    """Return a user's text on one line. Of a long text, the begin and a longer end are shown."""
+    """Return a user's text on one line. In a long text, dots replace a part in the middle."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(text) <= width:
         return text

@@ -48,16 +48,15 @@ class Kind:
     name : str
         Name of the kind in manifests.
     document : str
-        File that is removed first and written last. Therefore a folder never has this file together
-        with files of another run.
+        File that is removed first and written last. Therefore this file is never in a folder
+        together with files of another run.
     names : collection of str
-        Files of every folder of the kind. Before the work begins, they are checked: if one of them
-        exists, it must be an unchanged file of an earlier run.
+        Files of every folder of the kind. Before the work begins, it is checked that none of them
+        exists, except as an unchanged file of an earlier run.
     log : str, optional
-        Log file of long work, which is never replaced here. It identifies the kind of the folder
-        even if there is no manifest.
+        Log file of long work. If a folder has no manifest, this file tells its kind.
     opens : tuple of str
-        Files that a user can open; the final message recommends the first one that is there.
+        Files that a user can open. The final message recommends the first of them that exists.
     """
 
     name: str
@@ -144,13 +143,13 @@ def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject:
     force : bool
         Whether the folder is accepted with any content.
     subject : str
-        Begin of messages; by default the name of the option for the folder.
+        Beginning of messages; by default the name of the option for the folder.
 
     Raises
     ------
     ConfigError
-        The path is empty or a file, or the name of a new folder looks like that of a file. Or the
-        folder has content and is not of this kind, and `force` is false.
+        The path is empty or a file. The name of a new folder looks like that of a file. Without
+        `force`: the folder has content and is not of this kind.
     """
     subject = subject or option("output")
     if not folder:
@@ -182,8 +181,8 @@ def probe_folder(
     Raises
     ------
     ConfigError
-        `check_folder` fails, the folder cannot be written, or a file that would be overwritten is
-        not unchanged from an earlier run.
+        `check_folder` fails, or the folder cannot be written. Without `force`: a file that would be
+        overwritten is not from an earlier run, or has changed since.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -211,17 +210,18 @@ def write_texts(
 ) -> str:
     """Write files into a folder; files of an earlier run of the same kind are replaced or removed.
 
-    The result is a sentence about the written files. A new folder appears only when it is complete.
-    In an existing folder the old document is removed first, and the new document is written last.
-    If two runs write into one folder at once, one waits for the other. If a `kind` is given, the
-    folder gets a manifest. Then files that differ from the manifest or are not in it are never
-    removed, and they are replaced only with `force`.
+    Return a sentence about the written files. A new folder appears only when it is complete. In an
+    existing folder the old document is removed first, and the new document is written last. If two
+    runs write into one folder at once, one waits for the other.
+
+    If a `kind` is given, the folder gets a manifest. A later run removes only unchanged files that
+    are in this manifest. It replaces other files only with `force`.
 
     Raises
     ------
     ConfigError
-        `check_folder` fails, the folder cannot be written, or a file that would be overwritten is
-        not unchanged from an earlier run.
+        `check_folder` fails, or the folder cannot be written. Without `force`: a file that would be
+        overwritten is not from an earlier run, or has changed since.
     """
     subject = subject or option("output")
     check_folder(folder, kind, force=force, subject=subject)
@@ -229,7 +229,7 @@ def write_texts(
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
-        if files is None:  # the path exists: it did before, or another process has just made it
+        if files is None:  # the folder exists; possibly another process has just made it
             check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [name for name, *_ in files]
@@ -243,7 +243,7 @@ def write_texts(
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
-    """Put a file at `place`: as a hard link if it is in the folder `work`, else as a copy."""
+    """Put a file at `place`, as a hard link if the file is in the folder `work`, else as a copy."""
     if work in file.resolve().parents:
         with suppress(OSError):  # some file systems do not support hard links
             os.link(file, place)
@@ -322,10 +322,10 @@ def _write_new(
 def _write_over(
     texts: Files, path: Path, kind: Kind | None, where: str | None
 ) -> tuple[int, Collection[manifest.FileEntry]]:
-    """Write into an existing folder; return the number of removed old files, and the new entries.
+    """Write into an existing folder; return the number of removed files, and the new entries.
 
-    Files that no earlier run has written are overwritten if `where` is None. Otherwise they cause
-    an error, and `where` begins its message.
+    If `where` is None, files that no earlier run has written are overwritten. If it is a text, they
+    cause an error whose message begins with this text.
     """
     import shutil
 
@@ -357,12 +357,7 @@ def result_texts(
 ) -> dict[str, str | Path]:
     """Return the files of a result folder without pictures: texts, and paths of files to copy.
 
-    Parameters
-    ----------
-    result : Evaluation
-        Result to write.
-    names : pair of str
-        Names of truth and estimate in the report.
+    `names` are those of truth and estimate in the report.
     """
     from tgospa_eval.show.html import page  # lazy: for folders only
 
@@ -408,7 +403,7 @@ def check_file(
     path : str
         Path of the file.
     subject : str
-        Begin of messages.
+        Beginning of messages.
     force : bool
         Whether an existing file is accepted.
     inputs : iterable of str
@@ -419,8 +414,8 @@ def check_file(
     Raises
     ------
     ConfigError
-        The path is a folder, its folder is missing, or the file exists and `force` is false. Or the
-        path is among the `inputs`, or has a suffix that is not allowed.
+        The path is a folder, is among the `inputs`, or has a suffix that is not allowed. Its folder
+        is missing. Without `force`: the file exists.
     """
     with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -477,11 +472,11 @@ def association_files(
 
 
 NO_NAME = "%20"
-"""Name of the folder of objects without a class. `folder_name` gives it to no named class."""
+"""Name of the folder of objects without a class. No other class gets it from `folder_name`."""
 
 LONGEST_NAME = 200
 """Largest number of characters of the name of a folder. A longer name is cut to this length, and a
-digest is added. Then the name is still within the limit of 255 of file systems."""
+digest is added. File systems allow 255 characters, which is enough for both."""
 
 
 def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
@@ -522,7 +517,7 @@ def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, 
 
 
 def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
-    """Return the folder and result of each class, and the fields that name the class in a proof."""
+    """Return the folder and result of each class, and the fields of a proof about the class."""
     if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
@@ -592,7 +587,7 @@ def geojson(result: Evaluation) -> str:
 
 
 def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]]]:
-    """Return places of the rows of truth and estimate: longitude, latitude and perhaps height."""
+    """Return positions of the rows of truth and estimate: longitude, latitude, possibly height."""
     compared = result.proof.compared
     states = compared.truth, compared.estimate
     columns = compared.columns
@@ -613,7 +608,7 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
 
 
 def _feature(kind: str, places: list[list[float]], **properties: object) -> Json:
-    """Return a feature: a point, or a line through several places, split at the date line."""
+    """Return a feature: a point, or a line through several positions, split at the date line."""
     if len(places) == 1:
         shape: Json = {"type": "Point", "coordinates": places[0]}
     else:
@@ -689,7 +684,7 @@ def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Ite
 
 
 def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
-    """Yield a point for each switch: the place of its object, or its last place if it is absent."""
+    """Yield a point for each switch: the last position of its object at or before the switch."""
     truths = result.proof.states.problem.sides[0]
     switches = read_switches(result.proof.states, result.proof.weights)
     key = truths.track.astype(np.int64) * (len(result.labels.times) + 1) + truths.step

@@ -57,25 +57,17 @@ SCRIPTS = (
     "repairs",
     "page",
 )
-"""Files that are joined to the script, in this order. Each can use the names of all others."""
+"""Files that are joined to one script, in this order. Each can use the names of all files."""
 
 PLAIN = 300_000
-"""Largest number of bytes of all arrays that are left uncompressed."""
+"""Largest size of the uncompressed data of a page, in bytes. Larger data are compressed."""
 
 DISTANCE = "distance of assigned pairs"
-"""Explanation of the part localisation. Other parts show the unit of their count at this place."""
+"""Explanation of localisation in the table of parts. Other parts have the unit of their count."""
 
 
 def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
-    """Return the page of a result.
-
-    Parameters
-    ----------
-    result : Evaluation
-        Result to show.
-    names : pair of str
-        Names of truth and estimate, such as the paths of their files.
-    """
+    """Return the page of a result. `names` has names of truth and estimate, such as their paths."""
     plotted, repaired = plot_data(result), explanation_of(result)
     return template("page.html.j2").render(
         **_values(result, names),
@@ -87,15 +79,7 @@ def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> 
 
 
 def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
-    """Return the page of an association, with the same pictures as that of a result.
-
-    Parameters
-    ----------
-    pairing : Pairing
-        Association to show.
-    names : pair of str
-        Names of both sets of states, such as the paths of their files.
-    """
+    """Return the page of an association. `names` has names of both sides, such as their paths."""
     plotted = plot_data(pairing)
     return template("association.html.j2").render(
         names=list(map(as_unicode, names)),
@@ -110,7 +94,7 @@ def association_page(pairing: Pairing, names: tuple[str, str]) -> str:
 
 
 def _inside(plotted: PlotData) -> dict[str, object]:
-    """Return the values that the template of every page with a script needs."""
+    """Return the values that all templates of pages with a script need."""
     return {
         "data": plotted.document,
         "word": plotted.word,
@@ -121,7 +105,7 @@ def _inside(plotted: PlotData) -> dict[str, object]:
 
 
 def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
-    """Return the values for the template of the page of a result, except those of `_inside`."""
+    """Return the values that only the template of the page of a result needs."""
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
@@ -184,7 +168,7 @@ def still_page(name: str, more_style: str = "", **values: object) -> str:
 
 
 def images(kind: str, subject: Any, *, draws: bool = True) -> dict[str, str]:
-    """Return the pictures of a subject by name, as SVG in base64. If `draws` is false, return none.
+    """Return the pictures of a subject by name, as SVG in base64; empty if `draws` is false.
 
     `kind` is the kind of the subject, a key of `CHARTS`.
     """
@@ -202,9 +186,10 @@ def packed(arrays: dict[str, Ints]) -> str:
 
     Each number is stored as the 32-bit difference to the number before it, with the sign in the
     lowest bit. For each array, the lowest bytes of all its numbers come first, then the next bytes.
-    In this way, regular data become zeros, which compress well. Small data are not compressed:
-    browsers decompress only after loading, but a page can draw uncompressed data earlier. The page
-    recognises compressed data by their length: they are shorter than the arrays.
+    In this way, regular data become zeros, which compress well.
+
+    Small data are not compressed, because a page can draw uncompressed data while it loads. The
+    page recognises compressed data by their length: they are shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -235,7 +220,7 @@ def _parts(result: Evaluation) -> list[dict[str, str]]:
         dict(zip(keys, row, strict=True)) | {"split": ""} for row in result_text.part_rows(result)
     ]
     rows[0]["note"] = DISTANCE
-    if result.split is not None:  # the distance separates the parts of localisation
+    if result.split is not None:  # the distance splits localisation
         parts = result.split.items()
         rows[0]["split"] = ", ".join(
             f"{result_text.SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts
@@ -279,7 +264,7 @@ def document_page(document: table_text.Document, kind: str, subject: Any, *, dra
 
 
 # -------------------------------------------------------------------------------------------------
-# Page of a batch: ranking and certainty, jobs, parts, values over time. It has no script.
+# Page of a batch: ranking, jobs, parts of the costs, values over time. It has no script.
 
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of a batch that have parameters of the metric."""
@@ -289,15 +274,14 @@ MAX_FAULTS = 50
 COSTLIEST = 10
 
 ALL_PAIRS = 5
-"""Largest number of ranked entries of which the page lists all pairs. If there are more, it lists
-only the pairs of neighbours in the ranking."""
+"""Largest number of ranked entries for which the page lists all pairs. For more entries, it lists
+only pairs of neighbours in the ranking."""
 
 
 def batch_page(tables: batch.BatchTables, *, draws: bool) -> str:
     """Return the page of a batch, with pictures if `draws`."""
     rows, ranked = tables.rows, tables.rankings
-    # If there are several sets of parameters, there are several rankings, and no entry is the best
-    # of all.
+    # With several sets of parameters, there are several rankings, and no entry is the best of all.
     ranking = ranked[0] if len(ranked) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]

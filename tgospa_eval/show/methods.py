@@ -1,6 +1,6 @@
 """Paragraph for a paper: the metric, its parameters, the data and the proven bounds.
 
-Keys of citations are those of the BibTeX in docs/reference/cite.md.
+The keys of citations are in the BibTeX of docs/reference/cite.md.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ MEMBERS = {
     "step_weights": ("weights of the steps", "garciafernandez2021timeweighted"),
     "existence": ("probabilities of existence", "xia2025probabilistic"),
 }
-"""Variants of the metric, by the parameter that selects a variant: its name, and key of a paper."""
+"""Variants of the metric: name and key of the paper, by the parameter that selects the variant."""
 
 GRIDS = {
     "union": "at which either side has a state",
@@ -41,7 +41,7 @@ CLAUSES = {
     "region": "only states in {} were read",
     "where": "only rows with {} were read",
 }
-"""Clauses about options that change TGOSPA. Other such options are listed with their values."""
+"""Clauses about options that change TGOSPA. An option without a clause is named with its value."""
 
 SAID = ("cutoff", "order", "switch_penalty", "distance", "columns", "grid", "steps", "by", *MEMBERS)
 """Options that other parts of the paragraph describe."""
@@ -78,7 +78,7 @@ def _data(result: Evaluation) -> str:
     evaluated_on, sizes, settings = result.judged, result.sizes, result.parameters
     chosen = "steps" in settings or "resample" in settings
     grid, moved = str(settings.get("grid", "union")), settings.get("interpolate")
-    if moved and grid == "union":  # the steps are the times of the other side
+    if moved and grid == "union":  # the side that is not interpolated gives the steps
         grid = "truth" if moved == "estimate" else "estimate"
     at = "of a chosen clock" if chosen else GRIDS[grid]
     if (moved == "truth" or grid in ("estimate", "common")) and settings.get("outage") != "none":
@@ -118,7 +118,7 @@ def _options(result: Evaluation) -> Iterator[str]:
 
 
 def _shown(value: object) -> str:
-    """Return the value of an option as people write it."""
+    """Return the value of an option as a text of the paragraph."""
     if isinstance(value, list):
         return ", ".join(map(_shown, value))
     if isinstance(value, dict):

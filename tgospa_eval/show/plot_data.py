@@ -1,9 +1,11 @@
 """Plain data for the page and pictures of a result: costs, lanes, positions and events.
 
-Truth and estimate are the two sides. A lane is a trajectory. Its rows are its states. If there are
-very many states, some are left out, but never missed states, false states and switches (the
-events). A run is a sequence of states of a lane at consecutive steps. All states of a run have the
-same partner, or all have none.
+- The two sides are the truth and the estimate.
+- A lane is a trajectory of a side. Its rows are its states.
+- Events are missed states, false states and switches. If there are very many states, some rows are
+  left out, but no events.
+- A run is a sequence of states of a lane at consecutive steps. All states of a run have the same
+  partner, or all have none.
 """
 
 import math
@@ -35,15 +37,17 @@ from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
 Rows: TypeAlias = dict[str, NDArray[Any]]
-"""R states of one side, sorted by track and step: an array with R entries for each column.
+"""R states of one side, sorted by track and step. Each column is an array with R entries.
 
-``track`` and ``step`` are indices. ``other`` is the index of the partner: the track of the other
-side with the largest weight at this step. It is `NONE` or `FREE` if "unassigned" has the largest
-weight. ``error`` is the distance to the partner as a fraction of the cutoff, 1 for unassigned
-states. ``shared`` is true if the weight of the partner is less than 1. ``unjudged`` is true for
-ignored or excused states. ``state`` (R, d) has the d state columns, or (R, 0) if states are
-unknown. ``spread`` (R, d (d + 1) / 2) has lower triangles of covariances, or (R, 0) for points.
-``cloud`` is the index of the particle cloud, or `NONE`.
+- ``track``, ``step``: indices
+- ``other``: index of the partner. This is the track of the other side with the largest weight at
+  this step. If "unassigned" has the largest weight, the index is `NONE` or `FREE`.
+- ``error``: distance to the partner, as a fraction of the cutoff; 1 for unassigned states
+- ``shared``: true if the weight of the partner is less than 1
+- ``unjudged``: true for ignored or excused states
+- ``state`` (R, d): the d state columns; (R, 0) if states are unknown
+- ``spread`` (R, d (d + 1) / 2): lower triangles of covariances; (R, 0) for points
+- ``cloud``: index of the particle cloud, or `NONE`
 """
 
 VALUES = 800_000
@@ -51,8 +55,8 @@ VALUES = 800_000
 out."""
 
 COARSEST = 50
-"""Number of steps between drawn states from which on it is not increased further. If more states
-were left out, a picture would show little but events."""
+"""Number of steps between drawn states. If it is reached, no more states are left out, because a
+picture would show little but events."""
 
 LEVELS = 1 << 16
 """Number of integers with which the page encodes the range of a coordinate."""
@@ -163,13 +167,20 @@ class PlotData:
     Parameters
     ----------
     document : Json
-        Data over time, and what is needed to decode the arrays. Data over time are in groups of
-        ``together`` consecutive steps. ``times`` has the time of the first step of each group.
-        ``costs`` and ``counts`` are means over each group, ``curve`` has the value at its last
-        step. If groups have several steps, ``worst`` lists the single steps with the highest costs.
-        ``stretch`` is the result of `map_stretch` for a map. ``spread`` has the scales of encoded
-        ellipses; it is empty without ellipses. For each side, ``particles`` has the number of drawn
-        particles and the number of all particles. ``words`` has other names of sides and parts.
+        Data over time, and values to decode the arrays. Data over time are in groups of
+        ``together`` consecutive steps:
+
+        - ``times``: time of the first step of each group
+        - ``costs``, ``counts``: means over the steps of each group
+        - ``curve``: values at the last step of each group
+        - ``worst``: single steps with the highest costs, if groups have several steps
+
+        Other fields are:
+
+        - ``stretch``: for a map, the result of `map_stretch`
+        - ``spread``: scales of encoded ellipses; empty without ellipses
+        - ``particles``: for each side, the number of drawn particles and of all particles
+        - ``words``: displayed names of sides and parts, if they differ from the keys
     arrays : dict of str to int array
         Rows, runs, particles and ellipses of both sides, encoded as integers for the page.
     truth, estimate : SideData
@@ -321,7 +332,8 @@ def data_of_sides(
     Parameters
     ----------
     given : mapping of str to pair
-        Rows of each side, and its clouds. ``cloud`` of a row counts through all these clouds.
+        Rows of each side, and a list of its clouds. ``cloud`` of a row is an index in the joined
+        list.
     columns : sequence of str
         State columns.
     tables : mapping of str to columns
@@ -403,11 +415,12 @@ def data_of_sides(
 
 
 def shown_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
-    """Return the particles to draw: those of the clouds of `row` at every `every`-th step.
+    """Return the particles to draw. Clouds of `row` are drawn only at every `every`-th step.
 
-    From a cloud with too many particles, some are selected by systematic resampling: its total
-    weight is divided into equal intervals, and the particle at the middle of each interval is
-    drawn. A drawn particle has the weight of all its intervals. `size` is the number of columns.
+    From a cloud with too many particles, some are selected by systematic resampling. The weights of
+    the particles are put on a line one after the other, and the line is divided into equal
+    intervals. A particle is drawn if it is at the middle of an interval. Its weight becomes the sum
+    of these intervals. `size` is the number of state columns.
     """
     particles: list[Rows] = []
     first = np.cumsum([0, *map(len, clouds)])
@@ -436,7 +449,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
-    """Return these columns; if they are those of boxes, add the coordinates of the centres."""
+    """Return these columns. For boxes, add the coordinates of the centres."""
     if not is_box(list(axes)):
         return axes
     x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
@@ -444,9 +457,9 @@ def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def map_stretch(latitudes: Floats) -> float:
-    """Return the length of a degree of latitude over that of a degree of longitude.
+    """Return the length of a degree of latitude, divided by that of a degree of longitude.
 
-    The ratio is that at the mean of the latitudes. If this mean is near a pole, the result is 1.
+    The lengths are measured at the mean of the latitudes. Near a pole, the result is 1.
     """
     mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
@@ -455,8 +468,7 @@ def map_stretch(latitudes: Floats) -> float:
 def _windows(result: Evaluation, windows: Windows) -> Json:
     """Return the data about windows: size, first and last steps, TGOSPA, and a line for each part.
 
-    A line has (cost / n)^(1/p) for each window, where n is the number of steps of the horizon in
-    the window.
+    A line has the normalised value of the part in each window.
     """
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
@@ -472,7 +484,7 @@ def _windows(result: Evaluation, windows: Windows) -> Json:
 
 
 def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
-    """Return the rows and clouds of one side of several results as those of one result.
+    """Join the rows and clouds of one side of several results.
 
     Each of the `parts` is the result of a class. Indices of tracks and clouds continue from part to
     part. `size` is the number of state columns.
@@ -515,7 +527,7 @@ def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
 
     used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
     entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
-    order = np.argsort(weight, kind="stable")  # the largest weight of a row comes last and stays
+    order = np.argsort(weight, kind="stable")  # the largest weight of a row overwrites the others
     entry, weight = entry[order], weight[order]
     partner = np.full(len(step), NONE, np.int64)
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
@@ -570,8 +582,8 @@ def _thinned(
     stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _shown_rows(side, *runs[name], stride) for name, side in sides.items()}
-        # If rows are left out, the steps of the other rows are irregular. They are stored, which
-        # takes the room of one more coordinate.
+        # If rows are left out, the steps of the drawn rows are irregular. These steps are stored,
+        # too, like one more coordinate.
         each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
@@ -603,7 +615,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
 def _tracks(result: Evaluation, side: str) -> Columns:
     """Return the table of the tracks of a side, with column names that do not depend on the side.
 
-    For data in parts, it has only the costliest tracks.
+    For data in parts, the table has only the costliest tracks.
     """
     kind = KINDS[side]
     if isinstance(result, PartitionedResult):
@@ -661,11 +673,12 @@ def _repairs(result: Evaluation) -> Columns:
 # Covariances, encoded as integers, called levels; and data over time.
 
 NUMBERS = 150_000
-"""Largest number of encoded entries of covariances; if there are more, steps are left out."""
+"""Largest number of encoded entries of covariances. If there are more, covariances are encoded at
+fewer steps."""
 
 FINE = 50
-"""Number of levels between two standard deviations with the ratio e. From one level to the next,
-the standard deviation changes by 2 %."""
+"""Number of levels for a factor of e in the standard deviation. From one level to the next, the
+standard deviation changes by 2 %."""
 
 INSIDE = 0.95
 """Share of a normal distribution that is inside the drawn ellipse or interval around a state."""
@@ -677,18 +690,14 @@ FAINT = 1000
 """Largest level. It encodes standard deviations that are 0, or invisible next to the largest."""
 
 ANGLE = 64
-"""Number of levels in a radian. A correlation is encoded as the angle that has it as its sine."""
+"""Number of levels in a radian. A correlation is encoded as an angle, its arcsine."""
 
 
 def described(spreads: list[Floats], stride: int) -> Json:
     """Return what the page needs to decode covariances; empty without covariances.
 
-    Parameters
-    ----------
-    spreads : list of (R, d (d + 1) / 2) float arrays
-        Lower triangles of the covariances of each side; (R, 0) for points.
-    stride : int
-        Number of steps between drawn states.
+    `spreads` has arrays of lower triangles like the column ``spread`` of `Rows`. `stride` is the
+    number of steps between drawn states.
     """
     around = [spread for spread in spreads if spread.size]
     if not around:
@@ -711,8 +720,8 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
     """Encode covariances of rows that are sorted by track; `how` is the result of `described`.
 
     Only some rows are encoded: at every ``stride``-th step, and at both ends of each track. In the
-    result, ``row`` has the indices of these rows. For each entry of the lower triangle, the levels
-    have the index of the entry as their name.
+    result, ``row`` has the indices of these rows. Each other array has the levels of one entry of
+    the lower triangle. Its name is the index of the entry.
     """
     if not spread.size:
         return {}
@@ -728,8 +737,8 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     """Encode K lower triangles (K, d (d + 1) / 2); return an array of K levels for each entry.
 
-    A diagonal entry becomes the logarithm of the standard deviation, relative to the `largest` of
-    its column. Another entry becomes the angle whose sine is the correlation.
+    A variance becomes the logarithm of the standard deviation, relative to the `largest` of its
+    column. A covariance of two columns becomes the arcsine of the correlation.
     """
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     diagonal = rows == columns
@@ -738,7 +747,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
         size = -FINE * np.log(deviation / largest)
         correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
         level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
-    # A standard deviation of 0 has neither a logarithm nor a correlation: it gets fixed levels.
+    # If a standard deviation is 0, the logarithm and the correlation are not finite.
     level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
     return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
@@ -758,11 +767,11 @@ SHOWN_ROWS = 20
 def curves(result: Evaluation) -> dict[str, list[float]]:
     """Return the normalised cumulative cost at each step, for each part and ``total``.
 
-    The value at step k is (C / n)^(1/p), where C is the cost of the steps up to k, and n is the
-    number of steps of the horizon up to k. The last value of ``total`` is `normalised`. If the
-    curve was requested, C is from an evaluation of the steps 1..k. If it was not, C is from the
-    assignment of the whole recording, and the value at k is an upper bound of the value that an
-    evaluation of the steps 1..k would give.
+    At step k, let C be the cost of the steps up to k, and n the number of steps of the horizon up
+    to k. The value is (C / n)^(1/p). The last value of ``total`` is `normalised`.
+
+    If the curve was requested, C is from an evaluation of the steps 1..k. Otherwise C is from the
+    assignment of the whole recording. Then ``total`` is an upper bound of the curve.
     """
     split, steps = result.proof.breakdown, np.maximum(result.evaluated_on.so_far, 1)
     if result.curve_bounds is not None:
@@ -789,9 +798,9 @@ def rounded(values: list[float]) -> list[float]:
 
 
 def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
-    """Divide the steps into at most `max_bins` groups of equal length.
+    """Divide the steps into at most `max_bins` groups of equal length; the last can be shorter.
 
-    Return the index of the first and of the costliest step of each group.
+    Return the index of the first step and of the costliest step of each group.
     """
     together = max(1, -(-len(total) // max_bins))
     first = np.arange(0, len(total), together)
@@ -801,10 +810,7 @@ def binned(total: Floats, max_bins: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
-    """Return the NEES and its band at the first step of each group, and ranks of the truth.
-
-    A rank is the sum of the weights of those particles of a cloud that are below the truth.
-    """
+    """Return the NEES and its band at the first step of each group, and a histogram of ranks."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
     return {

@@ -64,7 +64,7 @@ COMPARED = {
     "identity": ("IDF1",),
     "gospa": ("total",),
 }
-"""Numbers of each other metric that a table of several evaluations has."""
+"""Numbers of each other metric in a table of several evaluations."""
 
 SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
@@ -108,13 +108,13 @@ def grouped_table(
     Parameters
     ----------
     head : tuple of str
-        Heads of the columns with names.
+        Heads of the first columns, which have the names of the rows.
     names : sequence of tuple of str
-        Names of each row, which are in its first cells.
+        Names of each row.
     records : sequence of mappings
         Other metrics of each row.
     rivals : sequence of sequences of int
-        Row indices of groups of rows that compete. In each group, the best values are bold.
+        Lists of row indices. The rows of each list are compared, and the best values are bold.
     """
     first = records[0] if records else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
@@ -139,11 +139,11 @@ def grouped_table(
 def covariances_table(
     head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
 ) -> Iterator[Table]:
-    """Yield a table of the NEES, possibly with costs; none unless all rows have a NEES.
+    """Yield a table of the NEES if all rows have a NEES.
 
-    If all rows have them, there are columns for the costs of means and of spreads. `head` and
-    `names` are as in `grouped_table`. Each item has the values of a row: the record of the NEES,
-    and perhaps these costs.
+    With some distances, localisation is the sum of a cost of means and a cost of spreads. If all
+    rows have these two costs, the table shows them. `head` and `names` are those of
+    `grouped_table`. An item has the NEES of a row, and possibly these costs.
     """
     records = [item.get(NEES) or {"mean": None} for item in items]
     if not records or any(record["mean"] is None for record in records):
@@ -161,10 +161,10 @@ def covariances_table(
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
-    """Return a number for each value, as an interval of width 0; the smallest number is the best.
+    """Return a number for each value. The smallest number is the best, as `best_cells` expects it.
 
-    If small values are better, the numbers are the values. Otherwise they are the distances of the
-    values below the largest value.
+    If small values are better, the numbers are the values. If large values are better, the numbers
+    are the differences between the largest value and the values.
     """
     worse = values if part in LOW else [max(values) - value for value in values]
     return [Interval(lower=value, upper=value) for value in worse]
@@ -182,7 +182,11 @@ def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetri
 
 
 def direction(other: OtherMetrics) -> Iterator[str]:
-    """Yield notes on `grouped_table`: columns in which high or low is best, and similarity."""
+    """Yield notes on `grouped_table`.
+
+    The notes tell in which columns high values are best, and in which columns low values. They also
+    describe the similarity.
+    """
     shown = [part for key, parts in COMPARED.items() if key in other for part in parts]
     for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
         if chosen:
@@ -255,12 +259,8 @@ def group_tables(
 ) -> Iterator[Table]:
     """Yield a table for each attribute. The table has a row for each pair of a slice and a group.
 
-    Parameters
-    ----------
-    heads : sequence of str
-        Heads of the columns that distinguish groups.
-    groups : sequence of tuple of str and slicings
-        Names of each group, and its costs split by each attribute.
+    Each of the `groups` has names, and its costs split by each attribute. `heads` are the heads of
+    the columns with the names.
     """
     for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
         by_name: dict[str, list[Row]] = {}
@@ -289,9 +289,9 @@ def share(cost: float, total: float) -> str:
 
 
 def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
-    """Yield notes on slices: the attribute that decides the slice of a cost, and uniqueness.
+    """Yield notes: which attribute puts a cost into a slice, and whether the split is unique.
 
-    A split is not unique if another assignment has the same total but gives other costs of slices.
+    A split is not unique if another assignment has the same total but other costs of slices.
     """
     if not slicings:
         return
@@ -313,7 +313,7 @@ COUNTED = {
     "false": ("estimate-step without object", "estimate-steps without object"),
     "switch": ("track switch", "track switches"),
 }
-"""Units of the counts of parts: for a count of 1, and for any other count."""
+"""Units of the counts of parts, in singular and plural."""
 
 
 SPLIT_WORDS = {
@@ -527,7 +527,7 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
-    """Yield name, value and divisor of the total for TGOSPA per step, and per object and step."""
+    """Yield TGOSPA per step, and TGOSPA per object and step: name, value, divisor of the total."""
     evaluated_on = result.evaluated_on
     if evaluated_on.steps:
         steps = counted(evaluated_on.steps, "step") + _of_truth(result)
@@ -542,7 +542,7 @@ def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_truth(result: Evaluation) -> str:
-    """Return " of the truth" if the number of steps in a divisor is not that of evaluated steps."""
+    """Return " of the truth" if the divisor of the total is not the number of evaluated steps."""
     chosen = {"steps", "resample"} & result.parameters.keys()
     differ = result.evaluated_on.steps != result.sizes["steps"]
     return " of the truth" if differ and not chosen else ""
@@ -578,7 +578,7 @@ def summary_of(result: Evaluation) -> Iterator[tuple[str, str]]:
 
 
 def similarity_in_words(result: Evaluation) -> str:
-    """Return the score of similarity, and the number of false targets that sets its scale."""
+    """Return the score of similarity, and for comparison the score of some false targets."""
     score = result.similarity()
     bracket = "" if result.certified else f" to {score.upper_bound:.4f}"
     return (
@@ -600,7 +600,7 @@ def _curve(result: Evaluation) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
     first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
-    each = 13 if first == 13 else 11  # narrower, if timestamps need a wide first column
+    each = 13 if first == 13 else 11  # a wide first column leaves less room
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
@@ -648,7 +648,7 @@ def _rooted(
 
 
 def _disjoint(spans: Windows, order: Ints) -> list[int]:
-    """Return indices of windows that share no step: in this order, each that does not overlap."""
+    """Return the indices of the first `SHOWN` windows in this order that share no step."""
     kept: list[int] = []
     for k in order.tolist():
         if all(spans.last[k] < spans.first[j] or spans.first[k] > spans.last[j] for j in kept):
@@ -766,7 +766,7 @@ def _saving(result: Evaluation, repair: Repair) -> str:
 
 
 def repair_notes(explanation: Explanation) -> Iterator[str]:
-    """Yield notes: the savings are proven, and each is the saving of only one repair."""
+    """Yield notes: the savings are proven, and do not add up."""
     several = counted(explanation.tried, "repair")
     if not explanation.repairs:
         yield f"no repair is proven to save anything ({several} tried)"
@@ -855,8 +855,8 @@ ROWS = 40
 """Default of the largest number of printed rows of a table."""
 
 ROUNDING = 1e-9
-"""Largest shift of a mean that counts as no shift, as a fraction of the distance between the cloud
-and its reduction."""
+"""Largest shift of a mean that counts as a rounding error. It is a fraction of the distance between
+the cloud and its reduction."""
 
 
 def association_text(
@@ -882,8 +882,8 @@ def association_text(
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
     """Return the text about a reduction of clouds.
 
-    `counts` and `change` are fields of the JSON document. `counts` has the numbers of clouds and
-    particles. `change` has a summary over all clouds for each kind of change.
+    `counts` has the numbers of clouds and particles. For each kind of change, `change` has a
+    summary over all clouds. Both are fields of the JSON document.
     """
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
@@ -914,9 +914,9 @@ def _aligned(
     limit: int = ROWS,
     rest: str | None = None,
 ) -> list[str]:
-    """Return the lines of a table with the first `limit` rows, and a line on further rows.
+    """Return the lines of a table with the first `limit` rows.
 
-    This line names `rest` as the place of all rows.
+    If there are more, a last line tells their number, and that `rest` has all rows.
     """
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:limit]])
     lines = text_lines(table, "") if rows else []

@@ -1,7 +1,7 @@
 """Pictures of several evaluations: documents of `compare`, sweeps, batches and gates.
 
-There are two kinds of sweeps. A sweep of a parameter evaluates at several of its values. A sweep of
-the solver `sinkhorn` is one of its iterations.
+A *sweep* is an evaluation at several values of a parameter. A *sweep of the solver* is an iteration
+of the solver `sinkhorn`.
 """
 
 import itertools
@@ -45,7 +45,7 @@ TALL = 1.4
 """Height of most pictures here, relative to that of a picture over time."""
 
 FLOOR = 1e-9
-"""Errors up to this value count as zero, and are drawn at this value."""
+"""Errors up to this value count as zero. They are drawn at this value."""
 
 SIZES = ("targets", "steps")
 
@@ -62,8 +62,8 @@ def _has_errors(*errors: Iterable[float | None]) -> bool:
 def draw_errors(document: Json, style: Style) -> Figure | None:
     """Draw the errors of `sinkhorn` over its temperature.
 
-    There are lines for both bounds, for the entropic value, and for its cost without entropy.
-    Errors are measured from the narrowest bounds that all runs together prove.
+    There are lines for both bounds, for the value with entropy, and for the same value without its
+    entropy. Errors are differences to the narrowest bounds that all runs together prove.
     """
     runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
     runs.sort(key=_epsilon)
@@ -85,7 +85,7 @@ def _by_temperature(
 ) -> Figure:
     """Draw a line for each name: the errors of its runs over their temperatures.
 
-    `where` ends the title.
+    The title ends with `where`.
     """
     made, ((axis,),) = figure(style.width, TALL * style.low)
     for k, (name, (runs, errors)) in enumerate(lines.items()):
@@ -99,7 +99,7 @@ def _by_temperature(
 
 
 def draw_time_over_error(document: Json, style: Style) -> Figure | None:
-    """Draw a mark for each run: its time over its error.
+    """Draw a mark for each run, at its error (horizontal) and its time (vertical).
 
     If all errors are below `FLOOR`, bars of the times are drawn instead.
     """
@@ -138,7 +138,7 @@ def _epsilon(run: Json) -> float:
 def draw_convergence(document: Json, style: Style) -> Figure | None:
     """Draw the errors of both bounds over the number of sweeps of the solver, for each run.
 
-    Errors are measured from the narrowest bounds that all runs together prove.
+    Errors are differences to the narrowest bounds that all runs together prove.
     """
     runs = [run for run in document["runs"] if run["history"]]
     if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
@@ -201,7 +201,7 @@ def seconds_axis(which: Axis) -> None:
 
 
 def floored(error: float | None) -> float:
-    """Return the error, or `FLOOR` if this is larger; NaN for a missing error."""
+    """Return the error, but at least `FLOOR`; NaN for a missing error."""
     return float("nan") if error is None else max(error, FLOOR)
 
 
@@ -288,9 +288,9 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
 
 
 def _errors(axis: Axes, varied: str, chosen: Sequence[Json], style: Style) -> list[str]:
-    """Draw the errors of each solver over the field `varied`; return solvers with no error to draw.
+    """Draw the errors of each solver over the number of targets or steps (`varied`).
 
-    `chosen` has the sizes of the study that are drawn.
+    Return the names of solvers whose errors are all zero. `chosen` has the drawn sizes.
     """
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -324,7 +324,7 @@ def _line(
 ) -> None:
     """Draw the k-th line, through means, with a band of one standard deviation above and below.
 
-    Line and band do not go below `floor`. Values without a mean are left out: their runs failed.
+    Line and band do not go below `floor`. If all runs failed, a value has no mean and is left out.
     """
     kept = [
         (at, max(value["mean"], floor), value["deviation"] or 0.0)
@@ -357,7 +357,7 @@ def draw_cumulative(
     if not any(series.values()):
         return None
     made, ((axis,),) = figure(style.width, TALL * style.low + 0.04 * style.mark * len(series))
-    lines, names = [], []  # names are not set as labels: a legend hides labels that begin with _
+    lines, names = [], []  # not set as labels: a legend hides labels that begin with _
     time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
@@ -382,8 +382,8 @@ AXIS_NAMES = {
     "rho": r"share of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
-"""Share of the range of an axis, from its low end. If half of the values are in this part, the axis
-is logarithmic."""
+"""Part of the range of an axis, from its low end. If it has half of the values, the axis is
+logarithmic."""
 
 
 def draw_sweep(sweep: SweepEvaluation, style: Style) -> Figure:
@@ -452,16 +452,9 @@ def draw_runs(
 ) -> Figure:
     """Draw the totals of the runs of a gate, and the totals of the runs of its baseline.
 
-    The totals of a scene are shown relative to the mean of its baseline.
-
-    Parameters
-    ----------
-    scenes : mapping of str to pair of sequences of float
-        For each scene (runs that differ only in their seed): the totals of the baseline's runs, and
-        of the current runs. If there are many scenes, only those with the largest changes of the
-        mean are drawn.
-    style : Style
-        Sizes.
+    The runs of a scene differ only in their seed. For each scene, `scenes` has the totals of the
+    baseline's runs, and the totals of the current runs. They are shown relative to the mean of the
+    baseline. If there are many scenes, only those with the largest changes of the mean are drawn.
     """
 
     def change(name: str) -> float:
@@ -489,15 +482,8 @@ def draw_runs(
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
     """Draw the curves of all groups over time with their bands, a panel for each kind of curve.
 
-    Parameters
-    ----------
-    tables : BatchTables
-        Tables with the curves.
-    style : Style
-        Sizes.
-    parts : bool
-        Whether to draw the parts of the cost instead of the total. If true, each part has a row of
-        panels, and each kind of curve has a column.
+    If `parts`, the parts of the cost are drawn instead of the total. Then each part has a row of
+    panels, and each kind of curve has a column.
     """
     unit = tables.unit
     lines: Sequence[str] = PARTS if parts else ("total",)
@@ -539,9 +525,9 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
 
 
 def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
-    """Draw all lines of the curves of kind ``step``, with a panel for each name of a line.
+    """Draw the curves of kind ``step``: costs per step, number of states, detection rate and NEES.
 
-    The lines are costs per step, number of states, detection rate and NEES.
+    Each of these quantities has a panel, with a line for each group.
     """
     curves = [(track, curve) for track, curve in tables.plotted_curves if curve.kind == "step"]
     lines = [
@@ -571,7 +557,7 @@ def draw_over_time(tables: BatchTables, style: Style) -> Figure | None:
                 looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 1}
                 lines_by_group["truth"] = axis.plot(at, truth, **looks)[0]
                 top = max(top, *truth)
-        if name == NEES:  # the horizontal line is the mean NEES that correct covariances have
+        if name == NEES:  # a horizontal line at the mean NEES of correct covariances
             rows = map(NeesSums.of_row, tables.rows.to_dict("records"))
             components = next(sums.components for sums in rows if sums is not None)
             axis.axhline(components, color=INK, linewidth=0.8, zorder=1)
@@ -594,7 +580,7 @@ def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
 
 
 def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
-    """Draw a line of a curve and its band; return the line. `track` is the index of its colour."""
+    """Draw a line of a curve and its band. `track` is the index of the colour of the line."""
     looks = line_looks(track, marked=len(at) == 1)
     looks["color"] = colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:

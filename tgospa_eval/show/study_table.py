@@ -16,19 +16,20 @@ from tgospa_eval.show.result_text import COMPARED, LOW, SHORT_NAMES, other_value
 from tgospa_eval.show.table_text import PART_HEADS, Table, best_cells, between, parameters_of
 
 PART_COLUMNS = dict(zip(("loc", *PARTS[1:]), PARTS, strict=True))
-"""Part of the cost that a column shows, by the name of the column in the option."""
+"""Part of the cost in a column, by the name of the column that users type."""
 
 OF_METRICS = {
     parts[0].lower() if metric != "gospa" else metric: (metric, parts[0])
     for metric, parts in COMPARED.items()
 }
-"""Metric and main value of each column of another metric: hota, mota, idf1 and gospa."""
+"""Metric and its main value in each of the columns hota, mota, idf1 and gospa."""
 
 ALIASES = {"detection": "detection_rate", "error": "mean_error"}
 """Short names that can be used for numbers of the summary."""
 
 COLUMNS = ("jobs", "tgospa", "interval", *PART_COLUMNS, "place", "p", "mean_of_roots")
-"""Columns that need no other metric. By default, those of them that tell something are shown."""
+"""Columns that need no other metric. By default, all of them are shown that have information, see
+`_says_nothing`."""
 
 INTERVAL = "95 % interval"
 """Head of the column with confidence intervals for the values in the column before it."""
@@ -43,8 +44,8 @@ DISTINCT = 1e-10
 """Largest relative difference of two numbers that can come from rounding errors alone."""
 
 DIGITS, MAX_DECIMALS = 4, 6
-"""Number of significant digits of the largest value of a column, and the largest number of decimals
-of its values."""
+"""Number of significant digits of the largest value in a column, and limit of the decimals of all
+values in the column."""
 
 WIDE_COLUMNS = 7
 """Smallest number of columns of a table that LaTeX sets over both columns of a page."""
@@ -59,7 +60,7 @@ class StudyRow:
     names : tuple of str
         Names that distinguish the row from others.
     jobs : str
-        Number of runs with a value; "3 of 4" if some of all runs have none.
+        Number of runs with a value; "3 of 4" if one of four runs has no value.
     steps, order : float
         Mean number of steps of the runs, and the order p.
     total : Interval
@@ -71,8 +72,8 @@ class StudyRow:
     place : str
         Proven place in words.
     p : float, optional
-        P value of the difference to the best row, adjusted by Holm's method. NaN for the best row
-        itself, None if there was no test.
+        P value of the difference to the best row, adjusted by Holm's method. It is NaN for the best
+        row itself, and None without a test.
     mean_of_roots : float, optional
         Mean of the values per step of the single runs.
     numbers : mapping of str to float
@@ -164,11 +165,11 @@ def study_table(
     heads : sequence of str
         Heads of the columns with the names of a row.
     rivals : sequence of sequence of int
-        Groups of row indices. In each group, rows are compared to mark the best values.
+        Lists of row indices. The rows of each list are compared, and the best values are marked.
     title : str
         Head of the column with the value per step.
     requested : sequence of str
-        Names of the columns. By default these are `COLUMNS`, except those that would tell nothing.
+        Names of the columns. By default these are `COLUMNS`, except those without information.
     caption : str
         Caption of the table in LaTeX.
 
@@ -199,22 +200,26 @@ def study_table(
 
 
 def _says_nothing(name: str, cells: Sequence[str]) -> bool:
-    """Check whether a column tells nothing: equal counts of jobs, or places 1, 2, 3 and so on."""
+    """Check whether a column has no information: equal numbers of jobs, or places 1, 2, 3, ..."""
     if name == "jobs":
         return len(set(cells)) == 1
     return name == "place" and list(cells) == [str(k + 1) for k in range(len(cells))]
 
 
 Column = tuple[str, Sequence[str], list[Interval]]
-"""Head, cells and a list of values. The cell with the smallest value is marked as the best; if the
+"""Head, cells, and a list of values. The cell with the smallest value is marked as the best. If the
 list is empty, no cell is marked."""
 
 
 def _columns(name: str, rows: Sequence[StudyRow], title: str, *, wanted: bool) -> Iterator[Column]:
     """Yield the column with this name.
 
-    Only ``mean_of_roots`` may be unknown for all rows. Then nothing is yielded, or an error is
-    raised if the column is `wanted`.
+    Nothing is yielded if the name is ``mean_of_roots`` and no row has this value.
+
+    Raises
+    ------
+    ConfigError
+        The rows lack the value, and the column is `wanted`.
     """
     if name == "jobs":
         yield "jobs", [row.jobs for row in rows], []
@@ -290,7 +295,7 @@ def _of_number(name: str, rows: Sequence[StudyRow]) -> Column:
 
 
 def _distinct(values: Sequence[Interval]) -> list[Interval]:
-    """Return how far each value is above the smallest one. Rounding errors count as 0."""
+    """Return the differences between the values and the smallest one, without rounding errors."""
     smallest, largest = (end(value.upper for value in values) for end in (min, max))
     width = DISTINCT * max(abs(smallest), abs(largest)) or 1.0
     return [_exact(round((value.upper - smallest) / width)) for value in values]
@@ -311,7 +316,7 @@ def _p_value(p: float) -> str:
 
 
 def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
-    """Format values with equally many decimals. The largest value has `digits` digits."""
+    """Format values with the same number of decimals, with `digits` digits for the largest."""
     largest = max((abs(value.upper) for value in values if math.isfinite(value.upper)), default=0.0)
     return [fixed(value, largest, digits) for value in values]
 
@@ -319,7 +324,7 @@ def aligned(values: Sequence[Interval], digits: int = DIGITS) -> list[str]:
 def fixed(value: Interval, largest: float, digits: int = DIGITS) -> str:
     """Format the bounds of a value: one number, or both if they look different.
 
-    The number of decimals is the one by which `largest` has `digits` significant digits.
+    There are so many decimals that the value `largest` would have `digits` significant digits.
     """
     if not math.isfinite(value.upper):
         return "-"

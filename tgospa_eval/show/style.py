@@ -138,8 +138,8 @@ FILES: Mapping[str, dict[str, Any]] = {
     "svg": {"metadata": {"Creator": None, "Date": None}},
     "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
 }
-"""Formats of pictures, each with arguments for saving. The arguments leave out metadata, because
-files must not depend on the time and on versions."""
+"""Formats of pictures, each with arguments for saving. Metadata are left out, so that files do not
+depend on the time and on versions."""
 
 
 def available() -> bool:
@@ -158,13 +158,12 @@ class Style:
     low : float
         Height of a picture over time, in inches.
     dots : int
-        Dots per inch of a PNG, and of shapes in vector files that are drawn as pixels because they
-        are too many.
+        Dots per inch of a PNG. In vector files, this applies to shapes that are drawn as pixels.
     titles : bool
         Whether a picture has a title; papers have captions instead.
     bars : int
-        Largest number of bars over time. If there are more steps, a bar is the costliest of several
-        steps.
+        Largest number of bars over time. If there are more steps, a bar shows the costliest of
+        several steps.
     lanes : int
         Largest number of true objects with a lane of their own. For estimates, half of this number
         is the limit.
@@ -195,7 +194,7 @@ class Style:
 
 
 _BOTH = {"axes.titley": 1.0}
-"""A fixed place of titles. By default matplotlib searches for ticks above the axes, which takes as
+"""Fixed position of titles. By default, matplotlib searches for ticks above the axes. This takes as
 long as drawing the text."""
 
 _SCREEN = {**_BOTH, "font.size": 9, "hatch.linewidth": 0.8}

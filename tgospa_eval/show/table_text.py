@@ -31,13 +31,13 @@ LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
 
 # Regular expressions are compiled when they are used: a small evaluation needs none of them.
 _NAMES = r"(?<!\w)@(?=\w)"
-"""Character in a text of Markdown by which GitHub would notify a user."""
+"""Pattern of ``@`` before a name in Markdown, by which GitHub would notify a user."""
 
 _LINKS = r":(?=//)|(?<=www)\."
-"""Character in an address by which Markdown makes it a link."""
+"""Pattern of a character in an address. Markdown makes the address a link if it is not escaped."""
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
-"""Begin of a text that a spreadsheet would read as a formula, possibly after apostrophes."""
+"""Pattern of texts that a spreadsheet would read as formulas, also with apostrophes before them."""
 
 _NOT_LATIN = "[^\\0-\u024f\u0391-\u03c9\u2010-\u2027]"
 """Letters that pdflatex does not support."""
@@ -128,9 +128,9 @@ def workflow_property(text: str) -> str:
 def csv_cell(value: object) -> object:
     """Return a value for a CSV table, with an apostrophe before a text that looks like a formula.
 
-    A text that already has apostrophes before a formula gets one more. Therefore different texts
-    stay different, and a program that reads the table can remove the first apostrophe before each
-    formula. Numbers do not change.
+    A formula that already has apostrophes before it gets one more. Therefore different texts stay
+    different. A program that reads the table can remove one apostrophe before each formula. Numbers
+    do not change.
     """
     if (
         isinstance(value, str)
@@ -146,22 +146,23 @@ WIDTH = 80
 
 INDENT = "  "
 MIN_NAME_WIDTH, MAX_NAME_WIDTH = 12, 44
-"""Limits of the width of the first column in a table that is too wide. The column is shortened to
-`MIN_NAME_WIDTH` if necessary. It stays wider, up to `MAX_NAME_WIDTH`, if different texts would look
-the same otherwise."""
+"""Limits of the width of the first column in a table that is too wide. If necessary, texts in this
+column are shortened to `MIN_NAME_WIDTH` characters. If different texts would then look the same, up
+to `MAX_NAME_WIDTH` characters are kept."""
 
 MIN_WORDS = 20
 """Smallest width of a column whose texts are wrapped."""
 
 MAX_SMALL = 9
-"""Largest number of columns of a LaTeX table in the type `small`; larger ones are `footnotesize`.
-"""
+"""Largest number of columns of a LaTeX table in the size ``small``. Wider tables have the size
+``footnotesize``."""
 
 DASHES = {"l": "---", "r": "---:"}
 """Line below the head of a column in Markdown, by its alignment: left or right."""
 
 Row = Sequence[str | None]
-"""Cells of a row as text. None is an empty cell; in Markdown and LaTeX, it has no blank either."""
+"""Cells of a row as text. None is an empty cell. In Markdown and LaTeX, it is written without
+blanks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +190,7 @@ class Table:
         Indices of the rows that have a line above them in LaTeX.
     wrapped : collection of int
         Indices of columns that can be wrapped in plain text. A cell continues on further lines if
-        the table would be too wide, or if the cell is wider than the given width minus two.
+        the table would be too wide, or if the cell is too wide for its entry in `widths`.
     caption : str
         Caption in LaTeX. A table with a caption is a float.
     is_wide : bool
@@ -274,12 +275,7 @@ def as_markdown(document: Document) -> str:
 def as_latex(document: Document, *, aligned: bool = False) -> str:
     """Return the tables of a report for the LaTeX package booktabs; all other text is in comments.
 
-    Parameters
-    ----------
-    document : Document
-        Report to write.
-    aligned : bool
-        Whether to align the digits of numbers by the package siunitx.
+    If `aligned`, the package siunitx aligns the digits of numbers.
     """
     words = [document.title, *document.warnings, *document.lines, *document.notes]
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
@@ -354,8 +350,8 @@ def csv_text(table: Columns) -> str:
     import csv  # lazy: few commands print CSV
 
     lines: list[str] = []
-    # The line end of the writer is CR LF, because it then quotes fields with CR or LF. Afterwards,
-    # CR LF at the end of each line is replaced by LF.
+    # With the line end CR LF, the writer quotes fields with CR or LF. `write` replaces CR LF at the
+    # end of each line by LF.
     target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
     writer = csv.writer(target, lineterminator="\r\n")
     writer.writerow(map(csv_cell, table))
@@ -416,7 +412,7 @@ def markdown_lines(
 
 
 def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
-    """Yield the lines of a table in LaTeX; the parameters are those of `as_latex`."""
+    """Yield the lines of a table in LaTeX; `aligned` is that of `as_latex`."""
     sides, bold = list(table.sides), r"\textbf{{{}}}"
     numeric = [
         k for k, side in enumerate(sides) if aligned and side == "r" and _is_numeric(table, k)
@@ -440,7 +436,7 @@ def latex_lines(table: Table, *, aligned: bool = False) -> Iterator[str]:
         if k in table.ruled:
             yield r"\midrule"
         row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
-        # LaTeX would read a bracket or a star at the begin as an option of the row end before it.
+        # LaTeX would read a bracket or a star at the beginning as an option of the row before.
         yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
         if k < 0:
             yield r"\midrule"
@@ -469,7 +465,7 @@ def _cells(
 ) -> Iterator[list[str | None]]:
     """Yield the head and the rows with escaped cells, all of the same length.
 
-    `bold` and `underlined` are formats for the best and second best cells.
+    `bold` and `underlined` are format strings for the best and the second best cells.
     """
     looks = dict.fromkeys(table.underlined, underlined) | dict.fromkeys(table.bold, bold)
     for k, row in enumerate((table.head, *table.rows), start=-1):
@@ -479,7 +475,7 @@ def _cells(
 
 
 def clip(line: str, width: int = WIDTH) -> str:
-    """Return the line by `clipped`, so that it is not wider than a terminal."""
+    """Shorten a line to the width of a terminal."""
     return clipped(line, width)
 
 
@@ -500,10 +496,11 @@ def fitted(table: Table) -> list[str]:
     """Return the lines of a table in plain text that are not wider than a terminal.
 
     If the table is too wide, texts of the first column are shortened, but stay different. Columns
-    that still do not fit are in another table below. The first column is repeated in each table.
-    Further columns with names of rows are repeated, too, if at least half of the line is left for
-    values. A table with given widths or wrapped columns is written by `text_lines`, which does not
-    limit its width.
+    that still do not fit are in further tables below. Each of these repeats the first column. It
+    also repeats the other columns with names of rows if they take at most half of the line.
+
+    A table with given widths or wrapped columns is written by `text_lines`, which does not limit
+    its width.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -537,9 +534,9 @@ def fitted(table: Table) -> list[str]:
 
 
 def _first_width(texts: list[str], other_widths: int) -> int:
-    """Return the width of the first column: the room that is left beside the other columns.
+    """Return the width of the first column, which is the room beside the other columns.
 
-    If that is not enough, the width is the smallest one at which different texts stay different,
+    If there is too little room, it is the smallest width at which different texts stay different,
     but at most `MAX_NAME_WIDTH`. The column is never wider than its longest text.
     """
     longest = max(map(len, texts))
@@ -568,7 +565,7 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """Return a text by `ending`. From "vs NAME", only the name is shortened."""
+    """Shorten a text by `ending`. In "vs NAME", only the name is shortened."""
     begin = "vs " if text.startswith("vs ") else ""
     return begin + ending(text[len(begin) :], width - len(begin))
 
@@ -589,7 +586,7 @@ EXACT = 1e-9
 
 TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
 TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
-"""Texts with the commands for other comparisons."""
+"""Commands for other comparisons, as texts."""
 
 SPLIT_NOTE = (
     "split, not proven: localisation, missed, false and switch are those of the best assignment "
@@ -618,7 +615,7 @@ def error_of(value: float | None) -> str:
 def columns(
     rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
 ) -> Columns:
-    """Return these entries of all rows as columns; `before` begins the names of the columns."""
+    """Return the entries `names` of all rows as columns. `before` is added to the column names."""
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
@@ -654,10 +651,10 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
 
 
 def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[str]:
-    """Yield a sentence on how long each report of a tracker is valid.
+    """Yield a sentence on the time for which an estimate stays valid (`period`).
 
-    `settings` has a name and the settings of its runs for each tracker or group. Only runs with a
-    common clock have such a period.
+    `settings` has pairs of the name of a tracker or group and the settings of its runs. Only runs
+    with a common clock have a period.
     """
     texts = []
     for name, runs in settings:
@@ -672,7 +669,7 @@ def about_periods(settings: Iterable[tuple[str, Sequence[Json]]]) -> Iterator[st
 # A proven order in words. A verdict says which order of two values is proven.
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
-"""Verdicts by their displayed names in tables."""
+"""Displayed name of each verdict in tables."""
 
 PROOFS = {
     "less": "proven: the upper bound of one is below the lower bound of the other",
@@ -683,13 +680,14 @@ PROOFS = {
 
 
 MAX_NAMED = 8
-"""Largest number of names in a sentence. A table has all of them."""
+"""Largest number of names in a sentence. A table has all names."""
 
 
 def first_names(groups: Sequence[Sequence[str]]) -> str:
     """Return the first `MAX_NAMED` names, and the number of the rest.
 
-    The names of a group have equal values. They are joined by ``=``, and groups by commas.
+    The names of a group have equal values. Names in a group are joined by ``=``, and groups are
+    joined by commas.
     """
     left, texts = MAX_NAMED, list[str]()
     for group in groups:
@@ -739,9 +737,9 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
 
 
 def best_of(ranks: Sequence[Sequence[int]], place: int = 1) -> list[int]:
-    """Return the indices of entries that are proven to have this place, even if they share it.
+    """Return the indices of the entries that are proven to have this place. Entries can share it.
 
-    If all entries have the place, the list is empty, because none is better than the others.
+    If all entries share the place, the list is empty, because none is better than the others.
     """
     best = [k for k, own in enumerate(ranks) if tuple(own) == (place, place)]
     return best if len(best) < len(ranks) else []
@@ -770,7 +768,7 @@ def best_cells(
 
 
 def equal_names(pairs: Iterable[Json]) -> set[str]:
-    """Return the names that are proven to be equal to another name, and so share its place."""
+    """Return the names whose values are proven to be equal to the value of another name."""
     equal = [pair for pair in pairs if pair["verdict"] == "equal"]
     return {pair[name] for pair in equal for name in ("first", "second")}
 

@@ -12,15 +12,15 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
-"""Largest ratio of the mean gap between steps to the typical gap at which a time axis is to scale.
-If the ratio is larger, the axis shows the steps at equal distances."""
+"""Largest ratio of the mean gap between steps to the typical gap, for an axis to scale. For a
+larger ratio, steps are drawn at equal distances."""
 
 TYPICAL_QUANTILE = 0.9
 """Quantile of the gaps between neighbouring steps that counts as the typical gap."""
 
 DAY = 86_400.0
 WHOLE = 2.0**53
-"""Limit below which a browser represents all integers exactly."""
+"""Number below which a browser represents all integers exactly."""
 
 
 def describe_times(times: Sequence[Time]) -> Json:
@@ -34,11 +34,16 @@ def describe_times(times: Sequence[Time]) -> Json:
     Returns
     -------
     dict
-        ``kind`` tells what the positions on the axis are. ``"number"``: the times themselves.
-        ``"stamp"``: differences between integer times and the first time, which is ``origin``.
-        ``"date"``: seconds since midnight of the day ``origin``. ``"step"``: indices of the steps,
-        for times that do not increase or are very uneven, and for other texts. ``values``
-        has the positions, or is None for ``"number"`` and ``"step"``.
+        ``values`` has the positions on the axis, or is None for the kinds ``"number"`` and
+        ``"step"``. For each ``kind``, the positions are:
+
+        - ``"number"``: the times themselves
+        - ``"stamp"``: differences between integer times and the first time, which is ``origin``
+        - ``"date"``: seconds since midnight of the day ``origin``
+        - ``"step"``: indices of the steps
+
+        The kind is ``"step"`` for texts that are neither integers nor dates, and for times that do
+        not increase or are very uneven.
     """
     kind, origin, values = "number", "", None
     if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
@@ -79,7 +84,7 @@ def _typical_gap(values: Floats) -> tuple[Floats, float]:
 
 
 def uneven(values: Floats) -> bool:
-    """Check whether an axis cannot be to scale: times do not increase, or gaps are too large."""
+    """Check whether times do not increase, or have too large gaps for an axis to scale."""
     gaps, typical = _typical_gap(values)
     if not (np.isfinite(gaps).all() and gaps.min() > 0):
         return True
@@ -135,8 +140,8 @@ class TimeAxis:
     def edges(self) -> tuple[Floats, Floats]:
         """Begin and end of each step on the axis: halfway to the steps before and after it.
 
-        Towards a step that is more than two typical gaps away, the distance is half a typical gap
-        instead.
+        If a neighbouring step is more than two typical gaps away, the distance on this side is half
+        a typical gap.
         """
         if not len(self.at):
             return self.at, self.at
@@ -149,7 +154,7 @@ class TimeAxis:
 
     @cached_property
     def shared(self) -> str:
-        """Common begin of all times that are texts, such as the date; blank if there is none."""
+        """Common beginning of the texts of all times, such as the date; it can be empty."""
         if len(self.labels) < 2:
             return ""
         first, last = self.labels[0], self.labels[-1]
@@ -178,7 +183,7 @@ class TimeAxis:
     def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
         """Return ticks at round times of day or at days.
 
-        If all ticks are on the same day or in the same year, it is written only in the name of the
+        If all ticks have the same day or year, this day or year is written only in the name of the
         axis.
         """
         places, size = _round_times(low, high, count)
@@ -213,8 +218,8 @@ class TimeAxis:
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
     """Return ticks at round numbers.
 
-    If the numbers are large and close to each other, a round number is subtracted for the names of
-    the ticks. The name of the axis tells this round number.
+    If the numbers are large and close to each other, the ticks show differences to a round number.
+    The name of the axis tells this number.
     """
     places, base = nice(low, high, count), 0.0
     if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
@@ -225,7 +230,7 @@ def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str
 
 
 def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
-    """Return positions of about `count` ticks at round times, and their distance, in seconds."""
+    """Return positions of about `count` ticks at round times, and their spacing, in seconds."""
     raw = (high - low) / count * (1 - 1e-9)
     if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
         places = nice(low, high, count)
