@@ -444,8 +444,12 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     """
     data = load(path, LARGEST_MANIFEST)
     lines, rows = rows_of(data, path, decimal=".") if data else ([], [])
-    if not rows or any(name not in rows[0] for name in PATHS):
-        raise InputError(f"{path}, line 1: a manifest has the columns truth and estimate")
+    lacking = [name for name in PATHS if not rows or name not in rows[0]]
+    if lacking:
+        raise InputError(
+            f"{path}, line 1: no column {' and '.join(lacking)}; a manifest has the columns truth "
+            "and estimate"
+        )
     head, folder = rows[0], os.path.dirname(path)
     if len(set(head)) < len(head):
         raise InputError(f"{path}, line 1: a column name is a duplicate")

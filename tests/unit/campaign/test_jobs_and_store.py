@@ -143,7 +143,8 @@ def test_manifest(tree: Path, write: Write) -> None:
     assert (dict(job.labels), dict(job.options)) == ({"run": "1"}, {"cutoff": "5"})
     assert plan.faults == (f"{path}, line 3: {tree / 'none.csv'} does not exist",)
     for text, message in (
-        ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
+        ("a,b\n", "line 1: no column truth and estimate; a manifest has the columns truth and"),
+        ("truth,b\n", "line 1: no column estimate; a manifest has the columns truth and"),
         ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
         ("truth,estimate,run\n", "m.csv: has no jobs, only a header; add a line for each job"),
         *(
