@@ -170,7 +170,10 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
     assert "'%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
     told = ["--truth-time-format", "%d/%m/%Y %H:%M:%S", "--truth-time-zone", "UTC"]
     answer = invoke(*files, *metric, *told)
-    assert "--estimate-crs enu (or ned) and --origin LAT,LON" in answer.err
+    assert (
+        "give --estimate-crs enu and --origin LAT,LON of this point (ned: north and east)"
+        in answer.err
+    )
     told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
     assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
     answer = invoke(*files, *metric, *told, "--resample", "4s", "--max-gap", "60s,10s")

@@ -109,7 +109,7 @@ def test_a_column_of_one_file_is_told_from_those_of_both(invoke: Invoke) -> None
         answer = invoke("gt.csv", "res.csv", *METRIC, option, value)
         assert answer.status == 3
         assert f'gt.csv, line 1: no column "score" for {option}' in answer.err
-        assert "--truth-where or --estimate-where is for a column of one file" in answer.err
+        assert "for a column of one file use --truth-where or --estimate-where" in answer.err
     answer = invoke("gt.csv", "res.csv", *METRIC, "--estimate-where", "scor >= 0.5")
     assert 'no column "scor" for --estimate-where (found: frame, id' in answer.err
 

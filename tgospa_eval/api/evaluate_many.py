@@ -102,7 +102,7 @@ class Evaluations:
             run = self.runs.index(run)
         sides = read_sides(self.resolved, *self.pairs[run], Stopwatch(), mapping=self.mapping)
         result = evaluate_sides(self.resolved, sides, Stopwatch())
-        assert not isinstance(result, ByClass)  # `by` is no keyword
+        assert not isinstance(result, ByClass)  # `evaluate_many` refuses `by`
         return result
 
     def table(self) -> "pd.DataFrame":
@@ -145,8 +145,8 @@ def evaluate_many(
     ----------
     truth : sequence of pairs, mapping, sequence of sides, array or table
         Without `estimate`: pairs of truth and estimate, or a mapping from names to such pairs. With
-        `estimate`: the truth of each run as a sequence, an array (runs, T, k, d) or a table with a
-        column ``run``; or a single truth for all runs.
+        `estimate`: the truth of each run as a sequence, an array with the axes run, step, object
+        and state column, or a table with a column ``run``; or a single truth for all runs.
     estimate : sequence of sides, array or table, optional
         The estimates of the same runs.
     cutoff, order, switch_penalty : float, optional

@@ -101,8 +101,9 @@ class Distance(ABC):
     name : str
         Name as on the command line.
     tree_power : float
-        Power of a Minkowski norm. On each coordinate, divide the difference of two near points by
-        the larger of their reaches. The norm of these quotients must be at most 1.
+        Power of a Minkowski norm (`inf`: the maximum norm), with this property for each near pair:
+        if the difference of the two points on each coordinate is divided by the larger of their
+        two reaches, the norm of these quotients is at most 1.
     columns : tuple of str, optional
         State columns that the distance needs, in order; None if it compares any columns.
     options : tuple of str
@@ -141,8 +142,8 @@ class Distance(ABC):
     def kinds(self) -> tuple[str, ...]:
         """Kinds of states besides points that the distance compares, as in `Trajectories.kind`.
 
-        The kinds are gaussian and cloud. If the result is empty, all states are treated as points.
-        If not, the distance compares points and states of these kinds, and refuses all others.
+        Possible kinds are gaussian and cloud. If the result is empty, all states are treated as
+        points. Else the distance compares points and the kinds in the result, and refuses others.
         """
         return ()
 
@@ -246,9 +247,10 @@ class Distance(ABC):
         return pairs.distance < cutoff
 
     def last_place(self, sides: Sides) -> float:
-        """Return roughly how much rounding of the smallest state changes a distance.
+        """Return roughly by how much a distance changes if a state is rounded.
 
-        A distance up to this size may come from rounding alone.
+        The state is the one whose largest component is smallest. A distance up to the result may
+        come from rounding alone.
         """
         sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in sides]
         smallest = float(np.concatenate(sizes).min(initial=np.inf))
@@ -386,9 +388,9 @@ def check_columns(
                     f"x and y of the {local} seem to be UTM coordinates: "
                     f"{option(f'{local}_crs', zone)} and {option('distance', 'geodesic')}"
                     if zone
-                    else f"{option(f'{local}_crs')} enu (or ned) and "
-                    f"{option('origin', metavar='LAT,LON')} combine local axes and positions on "
-                    "the Earth"
+                    else f"if x and y of the {local} are east and north in metres from a point, "
+                    f"give {option(f'{local}_crs', 'enu')} and "
+                    f"{option('origin', metavar='LAT,LON')} of this point (ned: north and east)"
                 )
             raise InputError(
                 f"{name} has a column {quoted(extra[0])} that {missing} lacks (state columns "

@@ -439,7 +439,7 @@ class Headers:
         """Remedy for a filter by a column that only one file has, for messages."""
         first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
         ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
-        return f"{ways} is for a column of one file, 'score >= 0.5'"
+        return f"for a column of one file use {ways}, such as {ways.split()[0]} 'score >= 0.5'"
 
     @property
     def taken(self) -> set[int]:

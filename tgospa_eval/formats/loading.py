@@ -165,14 +165,14 @@ def unpack(data: bytes, path: str, max_size: int = SETTINGS) -> bytes:
 
 
 @contextmanager
-def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
+def unpacking(path: str, name: str) -> Iterator[BinaryIO]:
     """Open a file; a compressed file is unpacked while it is read.
 
     Parameters
     ----------
-    place : str
-        Path of the file.
     path : str
+        Path of the file.
+    name : str
         Name of the file in messages.
 
     Raises
@@ -182,7 +182,7 @@ def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
     ConfigError
         The package that unpacks the file is missing.
     """
-    with named(path, InputError), open(place, "rb") as file, _content(file, path) as stream:
+    with named(name, InputError), open(path, "rb") as file, _content(file, name) as stream:
         yield stream
 
 
@@ -276,7 +276,8 @@ def _is_endless(path: str) -> bool:
 def unpacked_file(path: str, max_input: float | None) -> bytes:
     """Return the bytes of a file, unpacked if it is compressed.
 
-    The unpacked content must not be larger than a text that can be read with `max_input` GB.
+    `max_input` is the memory in GB that reading may take (see `check_memory`). Reading a text takes
+    `TEXT` times its size. So the unpacked content may have at most 1 / `TEXT` of this memory.
     """
     data = load(path, max_bytes(max_input, path))
     if not is_packed(data):

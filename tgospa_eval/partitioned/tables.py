@@ -2,8 +2,9 @@
 
 A table has the same columns, and rows in the same order, as the CSV file of the same name
 (docs/reference/result-tables.md). This module makes tables from the arrays that `shards` wrote.
-The arrays have costs in units of c^p, and global numbers of tracks and steps. In the tables, costs
-have the user's units. Tracks and steps have the ids and times of the user.
+In the arrays, costs are in units of c^p, and tracks and steps are given by their indices in the
+whole data. In the tables, costs are in the user's units, and tracks and steps are given by the ids
+and times of the user.
 """
 
 import itertools
@@ -417,7 +418,8 @@ def write_tables(
     further : mapping
         Further columns of the tables of steps, truths and estimates, by the names in `ORDER`.
     assignments : bool
-        Whether the table of assigned pairs has rows. With rows, it is as long as the data.
+        Whether to write the rows of the table of assigned pairs. If False, this table has only a
+        header. If True, it is about as large as the data.
 
     Raises
     ------

@@ -42,7 +42,7 @@ DURATION = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?|\.[0-9]+)\s*
 
 
 class Duration(float):
-    """Time between two timestamps, in seconds or in the unit of timestamps that are plain numbers.
+    """Time between two timestamps: in their unit if they are plain numbers, else in seconds.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Duration(float):
         Raises
         ------
         ConfigError
-            The value is not a number or such a text, negative, or not finite.
+            The value is negative or not finite, or it is neither a number nor such a text.
         """
         if isinstance(given, cls):
             return given
@@ -279,7 +279,8 @@ class Conversion:
         Raises
         ------
         ConfigError
-            ISO times would be scaled, or converted times are too large or equal.
+            ISO times would be scaled, a converted time is too large, or two converted times are
+            equal.
         """
         if not len(times) or (self.time_offset == 0 and self.time_scale == 1):
             return times, labels
@@ -288,7 +289,7 @@ class Conversion:
             texts = np.empty(len(moved), dtype=object)
             texts[:] = [iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
-        from decimal import (  # lazy: slow to import, and few clocks differ
+        from decimal import (  # lazy: slow to import, and few times are converted
             Context,
             Decimal,
             Overflow,
@@ -353,8 +354,8 @@ class Conversion:
     def undone(self, side: Trajectories) -> Trajectories:
         """Convert a side back to its own units, as exactly as doubles allow.
 
-        Converting the result again gives the same side, except for state columns whose values
-        became subnormal doubles.
+        Converting the result again gives the same side. An exception are values below about 1e-308,
+        which a double stores with fewer digits.
         """
         before = self._times_undone(side)
         factors = self.factors(side.columns)
@@ -440,7 +441,11 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
 
 
 def _divided(values: Floats, factors: Floats) -> Floats:
-    """Divide by factors; if a neighbour of the quotient gives the value again, prefer this one."""
+    """Divide values by factors, so that the product with the factor is the value again if possible.
+
+    If the product of the quotient differs from the value, the next smaller and the next larger
+    double are tried.
+    """
     ratio = values / factors
     for toward in (-np.inf, np.inf):
         other = np.nextafter(ratio, toward)

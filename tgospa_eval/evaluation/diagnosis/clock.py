@@ -3,18 +3,15 @@
 The tests take little time compared to an evaluation, because they examine only the timestamps and
 some evenly spread steps. An offset of the clock is searched only if these steps do not fit.
 
-A shift is a time that is added to the timestamps of the estimate. The best one maximises the gain
-
-    G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
-
-where d is the distance of a pair, c the cutoff and p the order. Between its states, the truth moves
-on straight lines. A true state and an estimate that are near each other suggest a shift, which is
-the difference of their times. Shifts that many such pairs suggest are candidates, and so are whole
-hours. The candidates with the largest G are refined. The best shift is reported only if its gain
-exceeds that of all farther shifts by several standard errors. A shift that moves most steps out of
-the recording of the truth is not compared. Standard errors are estimated from the gains of separate
-stretches of the recording. For targets at rest or on a circle, many shifts are about equally good,
-and nothing is reported.
+A shift is a time that is added to the timestamps of the estimate. The best shift maximises the gain
+G(shift). This is the sum, over the steps of the estimate, of the gain G of the module `costs`.
+Between its states, the truth moves on straight lines. A true state and an estimate that are near
+each other suggest a shift, which is the difference of their times. Shifts that many such pairs
+suggest are candidates, and so are whole hours. The candidates with the largest G are refined. The
+best shift is reported only if its gain exceeds that of all farther shifts by several standard
+errors. A shift that moves most steps out of the recording of the truth is not compared. Standard
+errors are estimated from the gains of separate stretches of the recording. For targets at rest or
+on a circle, many shifts are about equally good, and nothing is reported.
 """
 
 import math

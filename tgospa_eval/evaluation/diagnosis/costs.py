@@ -1,12 +1,15 @@
 """Bounds of the per-step GOSPA cost of a few steps, to estimate the saving by a change of the data.
 
-    cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p.
+A pair of a true object and an estimate with the distance d has the gain 1 - (d / c)^p, where c is
+the cutoff and p the order. In units of c^p, a step with m true objects and n estimates has the cost
 
-This is the cost of a step with m true objects and n estimates (docs/theory/metric.md,
-"Identities"). A pair with the distance d has the gain 1 - (d / c)^p, where c is the cutoff and p
-the order. The sum of the largest gain of each true object is an upper bound of G. The sum of the
-largest gain of each estimate is another one. A greedy choice of pairs gives a lower bound of G. The
-best assignment is computed only if these bounds are not sufficient for a decision.
+    (m + n) / 2 - G
+
+(docs/theory/metric.md, "Identities"). G is the largest sum of gains of pairs, where each object and
+each estimate is in at most one pair. The sum of the largest gain of each true object is an upper
+bound of G. The sum of the largest gain of each estimate is another one. A greedy choice of pairs
+gives a lower bound of G. The best assignment is computed only if these bounds are not sufficient
+for a decision.
 """
 
 from dataclasses import replace
@@ -81,7 +84,8 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
         left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
     taken = ranked(turn, gain)
     step = objects[0][rows[0][taken]]
-    total = np.bincount(step, gain[taken], minlength=steps)  # integers if there are no pairs
+    total = np.bincount(step, gain[taken], minlength=steps)
+    # If there are no pairs, `bincount` returns integers.
     return np.asarray(total, np.float64), turn
 
 
@@ -103,19 +107,20 @@ FIRST_STEPS = 25
 SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
 """Largest number of examined rows of truth or estimate, and a larger limit for few steps.
 
-The second limit is used if the first one allows fewer than `FEWEST_STEPS` steps. With so few steps,
-no data would look sound, and the search for another clock would take longer."""
+The second limit is used if the first one allows fewer than `FEWEST_STEPS` steps. So few steps never
+suffice to call the clocks of both files equal. Then `clock` would search for a shift of the times,
+which takes longer than to examine more rows."""
 
 SAMPLE_PAIRS = 200_000
 """Largest number of examined pairs, near or not, if there are more than `FEWEST_STEPS` steps."""
 
 FEWEST_STEPS = 8
-"""Smallest number of steps that can cause a warning of a shift."""
+"""Smallest number of steps for a warning that the times of the estimate are shifted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRows:
-    """Rows of truth or estimate at some steps, which have the new indices 0, 1, 2, ...
+    """Rows of truth or estimate at some steps. These steps have the new indices 0, 1, 2, ...
 
     Parameters
     ----------
@@ -195,7 +200,7 @@ DENSE = 1_000_000
 """Largest number of pairs of a step, near or not, for which an assignment is computed."""
 
 PAIRED = 12
-"""Smallest number of pairs that can cause a warning of a shift."""
+"""Smallest number of pairs for a warning that the positions or times are shifted."""
 
 FEWEST_TRACKS = 3
 """Number of objects that must agree on a displacement smaller than the cutoff.
@@ -206,9 +211,9 @@ NOTABLE_COST = 1e-3
 """Smallest cost that can cause a warning of a fault, as a share of the cost without pairs."""
 
 CHEAPER = 2 / 3
-"""Smallest share of the steps with costs at which a change must lower the cost.
+"""Share of the steps with a cost. A change must lower the cost of at least this share of them.
 
-If only one step has a cost, as after a late start, a fault of all steps is not likely."""
+A fault of the whole file, such as a shift, has costs at most steps, a late start only at a few."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -385,7 +390,7 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
 
 
 def falls(share: float, steps: int) -> str:
-    """Describe the share of the cost that a change saves, as at most 99 %."""
+    """Describe the share of the cost that a change saves; above 99 % as "99 % or more"."""
     return (
         f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
         f"{min(100 * share, 99):.0f} % or more"
