@@ -35,6 +35,13 @@ class Running:
         with Client(self.address, set_as_default=False) as client:
             return list(client.run(os.getpid).values())
 
+    def wait_for(self, workers: int) -> None:
+        """Wait until so many workers are connected."""
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=PATIENCE)
+
     def tasks(self) -> int:
         """Tasks that the scheduler knows."""
         from distributed import Client
@@ -76,8 +83,7 @@ def cluster(folder: Path, workers: int = 2) -> Iterator[Running]:
             assert time.monotonic() < until, "no scheduler"
             time.sleep(0.02)
         running = Running(json.loads(text)["address"], scheduler)
-        while len(running.workers()) < workers:
-            assert time.monotonic() < until, "no workers"
+        running.wait_for(workers)
         yield running
     finally:
         for process in begun:
