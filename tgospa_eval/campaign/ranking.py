@@ -691,7 +691,7 @@ def rankings(
     names : iterable of str
         All values of the label, also those for which all jobs failed.
     """
-    used = [name for name in having if name in OF_RANKING or name.startswith(LABEL)]
+    used = [name for name in having.columns if name in OF_RANKING or name.startswith(LABEL)]
     having = having[list(dict.fromkeys([*used, *parameters]))]
     if not parameters:
         yield from _ranking(having, label, {}, names)

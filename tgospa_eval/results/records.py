@@ -186,7 +186,7 @@ def records(table: Columns) -> list[Json]:
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
-def frame_records(frame: "pd.DataFrame") -> list[Json]:
+def frame_records(frame: "pd.DataFrame") -> list[dict[Any, Any]]:
     """Return the rows of a frame as dicts. `DataFrame.to_dict` is slow if columns are many."""
     return records({name: frame[name].tolist() for name in frame.columns} if len(frame) else {})
 
