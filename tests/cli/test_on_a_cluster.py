@@ -133,7 +133,8 @@ def test_a_scheduler_that_is_lost(
     running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "c").mkdir()
-    with cluster(tmp_path / "c", workers=1) as found, monkeypatch.context() as patched:
+    alone = cluster(tmp_path / "c", workers=1, nanny=False)
+    with alone as found, monkeypatch.context() as patched:
         after_first_rows(patched, lambda: os.kill(found.scheduler.pid, signal.SIGKILL))
         answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", found.address)
         assert (answer.status, answer.out) == (2, "")

@@ -42,9 +42,15 @@ def sources() -> dict[str, tuple[str, ast.Module]]:
     return found
 
 
+@cache
+def nodes(tree: ast.Module) -> list[ast.AST]:
+    """Every node of a file."""
+    return [*ast.walk(tree)]
+
+
 def names(tree: ast.Module) -> Iterator[str]:
     """Every name that the code of a file gives or uses."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         for field in ("id", "attr", "name", "arg"):
             if isinstance(name := getattr(node, field, None), str):
                 yield name
@@ -72,7 +78,7 @@ def test_docstrings_stand_without_the_name_before_them() -> None:
     found = {
         f"{file}: {text.splitlines()[0]}"
         for file, (_, tree) in sources().items()
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
         if (text := ast.get_docstring(node)) and text.split()[0] in NO_BEGIN
     }
@@ -83,7 +89,7 @@ def test_sections_of_docstrings_are_indented_as_sphinx_reads_them() -> None:
     """A parameter one level too deep becomes part of the text of the one before it."""
     found = []
     for file, (_, tree) in sources().items():
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.ClassDef | ast.FunctionDef):
                 body = re.split(r"^(\w[\w ]*)\n-{3,}$", ast.get_docstring(node) or "", flags=re.M)
                 for text in body[2::2] if "Examples" not in body else ():
@@ -166,8 +172,8 @@ OF_OTHER_PROGRAMS = {
 
 def texts(tree: ast.Module) -> Iterator[str]:
     """Every text that is no docstring."""
-    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    docs = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}
+    for node in nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
             yield node.value
 
@@ -191,14 +197,14 @@ def test_no_option_is_spelled_before_the_surface_is_known() -> None:
             continue
         inside = {
             id(node)
-            for function in ast.walk(tree)
+            for function in nodes(tree)
             if isinstance(function, ast.FunctionDef | ast.Lambda)
             for part in (function.body if isinstance(function.body, list) else [function.body])
             for node in ast.walk(part)
         }
         early |= {
             f"{file}: {node.lineno}"
-            for node in ast.walk(tree)
+            for node in nodes(tree)
             if isinstance(node, ast.Call) and id(node) not in inside
             if isinstance(node.func, ast.Name) and node.func.id == "option"
         }

@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ def test_quick_run_prints_and_draws_what_the_page_shows(
     monkeypatch.syspath_prepend(SCRIPT)
     # Pictures are made, and not drawn, which takes long.
     monkeypatch.setattr(Figure, "savefig", lambda _, path, **__: path.touch())
+    monkeypatch.setattr(import_module("prossel"), "ROUNDS", (1, 2))
     runpy.run_path(str(SCRIPT / "__main__.py"), run_name="__main__")
     printed = capsys.readouterr().out
     page = PAGE.read_text(encoding="utf-8")

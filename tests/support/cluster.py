@@ -35,6 +35,13 @@ class Running:
         with Client(self.address, set_as_default=False) as client:
             return list(client.run(os.getpid).values())
 
+    def wait_for(self, workers: int) -> None:
+        """Wait until so many workers are connected."""
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=PATIENCE)
+
     def tasks(self) -> int:
         """Tasks that the scheduler knows."""
         from distributed import Client
@@ -44,12 +51,18 @@ class Running:
 
 
 @contextmanager
-def cluster(folder: Path, workers: int = 2) -> Iterator[Running]:
-    """A scheduler and workers of one thread each; ports are those that are free."""
+def cluster(folder: Path, workers: int = 2, *, nanny: bool = True) -> Iterator[Running]:
+    """A scheduler and workers of one thread each; ports are those that are free.
+
+    A nanny begins a worker that was killed once more.
+    """
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("COVERAGE", "TGOSPA_EVAL_"))}
     environment = kept | {
         "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "support"))),
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+        # By default each process looks 50 times a second how it is, and workers 100 times.
+        "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+        "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
     }
     file = folder / "scheduler.json"
     dask = [sys.executable, "-m", "dask"]
@@ -69,15 +82,15 @@ def cluster(folder: Path, workers: int = 2) -> Iterator[Running]:
     try:
         scheduler = begin("scheduler", *asked)
         for number in range(workers):
-            begin("worker", *common, "--nthreads", "1", "--local-directory", str(number))
+            own = ["--nthreads", "1", "--local-directory", str(number)]
+            begin("worker", *common, *own, "--nanny" if nanny else "--no-nanny")
         until = time.monotonic() + PATIENCE
         while not file.exists() or not (text := file.read_text(encoding="utf-8")).endswith("}"):
             assert scheduler.poll() is None, (folder / "log.txt").read_text(encoding="utf-8")
             assert time.monotonic() < until, "no scheduler"
             time.sleep(0.02)
         running = Running(json.loads(text)["address"], scheduler)
-        while len(running.workers()) < workers:
-            assert time.monotonic() < until, "no workers"
+        running.wait_for(workers)
         yield running
     finally:
         for process in begun:

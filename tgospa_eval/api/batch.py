@@ -48,7 +48,7 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.options import parse_time_range
 from tgospa_eval.quoting import as_unicode, listed, option, quoted
-from tgospa_eval.results.records import Json
+from tgospa_eval.results.records import Json, frame_records
 from tgospa_eval.show.batch import BatchTables, batch_report, curves_columns, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.study_table import checked_columns
@@ -699,19 +699,19 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
     """
     if not len(rows):
         return
-    wrong: Sequence[Mapping[Any, Any]] = rows[rows["status"] == "failed"].to_dict("records")
+    wrong: Sequence[Mapping[Any, Any]] = frame_records(rows[rows["status"] == "failed"])
     known = {row["key"] for row in wrong}
     for row in (*wrong, *(row for row in faults if row["key"] not in known)):
         yield f"{job_in_words(row)}: {row['message']}"
     if written and batch_row.NOT_WRITTEN in rows:
-        for row in rows[rows[batch_row.NOT_WRITTEN].notna()].to_dict("records"):
+        for row in frame_records(rows[rows[batch_row.NOT_WRITTEN].notna()]):
             yield f"{job_in_words(row)}: {row[batch_row.NOT_WRITTEN]}"
 
 
 def _left_out(done: "pd.DataFrame") -> Iterator[str]:
     """Yield a message if data were left out because their times are not declared steps."""
     counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
-    some = done[(counts > 0).any(axis=1)].to_dict("records")
+    some = frame_records(done[(counts > 0).any(axis=1)])
     if some:
         of_truth, of_estimate = counts.sum()
         rest = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""

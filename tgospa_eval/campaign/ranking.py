@@ -20,6 +20,7 @@ from tgospa_eval.campaign import SCHEMA, statistics
 from tgospa_eval.campaign.row import (
     ESTIMATE_DIGEST,
     LABEL,
+    TRUTH_DIGEST,
     about_copies,
     covariances_of,
     label_names,
@@ -46,7 +47,7 @@ from tgospa_eval.problem.gospa import (
 )
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import option
-from tgospa_eval.results.consistency import NEES, NeesSums
+from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
 from tgospa_eval.results.records import (
     MEAN,
     PARTS,
@@ -56,6 +57,7 @@ from tgospa_eval.results.records import (
     Json,
     OtherMetrics,
     Time,
+    frame_records,
     outward,
 )
 from tgospa_eval.results.saved import OF_THE_ESTIMATE, of_metric
@@ -64,7 +66,14 @@ from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.result_text import COMPARED
 from tgospa_eval.show.table_text import RULES, Rule
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, coverage_of, incomparable, judge_alike
+from tgospa_eval.tracks.coverage import (
+    COVERAGE_FIELDS,
+    DIGESTS,
+    OWN_MARKS,
+    coverage_of,
+    incomparable,
+    judge_alike,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -658,6 +667,13 @@ NOTHING = Interval(lower=0.0, upper=0.0)
 
 Parameters = Mapping[str, float | str]
 
+OF_RANKING = {
+    *("truth", "options", "parameters", "order", "finished", TRUTH_DIGEST, ESTIMATE_DIGEST),
+    *(f"judged.{name}" for name in COVERAGE_FIELDS),
+    *(*statistics.TOTAL_ENDS, *PARTS, *SPLIT_PARTS, STORED_NEES),
+}
+"""Columns that a ranking reads, besides labels: to copy all others takes a third of its time."""
+
 
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
@@ -675,6 +691,8 @@ def rankings(
     names : iterable of str
         All values of the label, also those for which all jobs failed.
     """
+    used = [name for name in having.columns if name in OF_RANKING or name.startswith(LABEL)]
+    having = having[list(dict.fromkeys([*used, *parameters]))]
     if not parameters:
         yield from _ranking(having, label, {}, names)
         return
@@ -707,7 +725,7 @@ def _ranking(
     common, of_labels = part[is_common], pair_numbers(part, [label], truth=False)
     differing = of_labels[part.groupby(of_labels)["_truth"].transform("nunique") > 1]
     if len(common) and len(differing):
-        same = part[of_labels == differing.iloc[0]].drop_duplicates("_truth").to_dict("records")
+        same = frame_records(part[of_labels == differing.iloc[0]].drop_duplicates("_truth"))
         having = " and ".join(f"{row['truth']} of {row[column]}" for row in same[:2])
         yield (
             f"warning: {counted(differing.nunique(), 'job')} of each {label} cannot be compared, "
@@ -729,7 +747,7 @@ def _ranking(
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
         jobs = common[common["_pair"] == kinds.index[kinds > 1][0]]
-        wrong = incomparable({row[column]: coverage_of(row) for row in jobs.to_dict("records")})
+        wrong = incomparable({row[column]: coverage_of(row) for row in frame_records(jobs)})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
     names, totals = _side_by_side(common, column, names)

@@ -225,9 +225,10 @@ def column_fault(
     numbers : (N,) int array, optional
         Index of each row in the file, if `table` has only some rows.
     """
+    counts = Counter(table.column_names)
     for name, kind in columns.items():
-        if table.column_names.count(name) != 1:
-            there = "is a duplicate" if name in table.column_names else "is missing"
+        if counts[name] != 1:
+            there = "is a duplicate" if counts[name] else "is missing"
             return f"column {name}: {there}; expected {kind.name}"
         row = _first_wrong(table[name], kind)
         if row is not None:

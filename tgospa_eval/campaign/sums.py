@@ -43,7 +43,14 @@ from tgospa_eval.formats.options import ROLES
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES
-from tgospa_eval.results.records import COUNTED_PARTS, MEAN, PARTS, OtherMetrics, Time
+from tgospa_eval.results.records import (
+    COUNTED_PARTS,
+    MEAN,
+    PARTS,
+    OtherMetrics,
+    Time,
+    frame_records,
+)
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import SUMMARY, pooled
 from tgospa_eval.show.batch import (
@@ -96,7 +103,7 @@ def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
     metrics = chosen_metrics(metrics_of(names))
     records = [
         {str(name).removeprefix(WITH_PREFIX): value for name, value in row.items()}
-        for row in rows.to_dict("records")
+        for row in frame_records(rows)
     ]
     numbers: dict[str, Any] = {}
     ratios = [name for name in metrics if name in METRIC_FIELDS]
@@ -294,7 +301,7 @@ def data_messages(rows: "pd.DataFrame") -> Iterator[str]:
     for column, texts_of in (("warnings", _warnings), ("notices", _notices)):
         having = rows[rows[column].notna()] if column in rows else rows[:0]
         by_kind: dict[str, list[tuple[str, str]]] = {}
-        for row in having[having[column] != "[]"].to_dict("records") if len(having) else ():
+        for row in frame_records(having[having[column] != "[]"]) if len(having) else ():
             for kind, text in texts_of(row).items():
                 by_kind.setdefault(kind, []).append((job_in_words(row), text))
         for jobs in by_kind.values():

@@ -19,6 +19,8 @@ from tgospa_eval.problem.solution import Bounds, Breakdown, PerTrack, Reduced
 from tgospa_eval.problem.states import States
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from tgospa_eval.tracks.alignment import ClockReports
     from tgospa_eval.tracks.clouds import Clouds
 
@@ -182,6 +184,11 @@ def json_text(document: Mapping[str, object]) -> str:
 def records(table: Columns) -> list[Json]:
     """Return the rows of a table as dicts."""
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+def frame_records(frame: "pd.DataFrame") -> list[dict[Any, Any]]:
+    """Return the rows of a frame as dicts. `DataFrame.to_dict` is slow if columns are many."""
+    return records({name: frame[name].tolist() for name in frame.columns} if len(frame) else {})
 
 
 # -------------------------------------------------------------------------------------------------

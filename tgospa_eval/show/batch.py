@@ -23,7 +23,16 @@ from tgospa_eval.formats.fields import TimeError, places
 from tgospa_eval.quoting import listed, option
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, or_none
 from tgospa_eval.results.evaluation import dotted
-from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, json_text, records
+from tgospa_eval.results.records import (
+    PARTS,
+    Columns,
+    Json,
+    Part,
+    Time,
+    frame_records,
+    json_text,
+    records,
+)
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.results.summary import SUMMARY
 from tgospa_eval.show import result_text, study_table, table_text
@@ -444,7 +453,7 @@ class BatchTables:
             first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
         shown: list[Json] = []
-        for row in (one for one in groups.to_dict("records") if one["jobs"]):
+        for row in (one for one in frame_records(groups) if one["jobs"]):
             steps = max(float(row["judged.steps"]), 1.0)
             costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
             shown.append(
@@ -616,9 +625,7 @@ def heat_of(
     shades = ((numbers["upper"] - low) / width.where(width > 0)).fillna(0.0)
     numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
     single = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
-    links = dict(
-        zip(single.index, map(link, jobs.iloc[single["at"]].to_dict("records")), strict=True)
-    )
+    links = dict(zip(single.index, map(link, frame_records(jobs.iloc[single["at"]])), strict=True))
     known = numbers["upper"].dropna()
     lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
     cells: dict[tuple[str, str], Json] = {}
@@ -748,7 +755,7 @@ def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
             for name, value in row.items()
             if THRESHOLDS in str(name) or value == value
         }
-        for row in frame.to_dict("records")
+        for row in frame_records(frame)
     ]
 
 
@@ -795,7 +802,7 @@ def study_tables(tables: BatchTables) -> Iterator[table_text.Table]:
     If the rankings use all jobs and each group has only one label, the first table shows the
     rankings. Otherwise the rankings have a table of their own.
     """
-    heads, groups = tuple(tables.heads.values()), tables.groups.to_dict("records")
+    heads, groups = tuple(tables.heads.values()), frame_records(tables.groups)
     places = _places(tables)
     rank = {own: k for k, own in enumerate(places)}
     groups.sort(key=lambda row: rank.get(_group_key(tables, row), len(rank)))
@@ -928,7 +935,7 @@ def other_tables(tables: BatchTables) -> Iterator[table_text.Table]:
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
     """Return the rows of groups in which at least one job has a value."""
-    return [row for row in tables.groups.to_dict("records") if row["jobs"]]
+    return [row for row in frame_records(tables.groups) if row["jobs"]]
 
 
 def _orders(ranking: Ranking) -> Iterator[str]:
@@ -975,7 +982,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long jobs weigh "
             "more; in values per step every step weighs the same"
         )
-    for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
+    for row in frame_records(tables.groups[tables.groups["jobs"] < tables.groups["expected"]]):
         yield (
             f"{of_expected(row['jobs'], row['expected'])} jobs: the other jobs have no value; "
             "their costs are missing"

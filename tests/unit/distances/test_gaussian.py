@@ -109,12 +109,18 @@ def exact(first: Array, second: Array) -> float:
 @pytest.mark.parametrize("other", [1.0, 1e3, 1e12])
 def test_two_components_in_all_digits(condition: float, other: float) -> None:
     rng = np.random.default_rng(int(condition + other))
+    scales, sides, values = [], [], []
     for _ in range(50):
         scale = np.exp(rng.normal(0, 3))
         a = scale * covariance(rng, 2, 2, condition)
         b = scale * covariance(rng, 2, 2, other)
-        found = gaussian_wasserstein([0, 0], a, [0, 0], b)
-        assert found == pytest.approx(exact(a, b), rel=1e-11, abs=1e-13 * scale**0.5)
+        scales.append(scale)
+        sides.append((a, b))
+        values.append(exact(a, b))
+    first, second = zip(*sides, strict=True)
+    found = gaussian_wasserstein([0, 0], first, [0, 0], second)
+    for one, value, scale in zip(found, values, scales, strict=True):
+        assert one == pytest.approx(value, rel=1e-11, abs=1e-13 * scale**0.5)
 
 
 @pytest.mark.parametrize("large", [1, 10**3, 10**6, 10**10])
@@ -166,15 +172,16 @@ def test_singular_covariances_of_any_rank(d: int) -> None:
     The sum of squares loses no digits here, since B is as large as A and F.
     """
     rng = np.random.default_rng(d)
-    zero = np.zeros(d)
+    zero, sides, values = np.zeros(d), [], []
     for _ in range(100):
         size = 10.0 ** rng.uniform(-2, 2, (d, 1))
         factors = [size * rng.normal(size=(d, int(rng.integers(1, d + 1)))) for _ in range(2)]
         a, b = factors[0] / np.linalg.norm(factors[0]), 3 * factors[1] / np.linalg.norm(factors[1])
         cross = np.linalg.svd(b.T @ a, compute_uv=False).sum()
-        expected = math.sqrt(1 + 9 - 2 * cross)
-        found = gaussian_wasserstein(zero, a @ a.T, zero, b @ b.T)
-        assert found == pytest.approx(expected, rel=1e-11)
+        values.append(math.sqrt(1 + 9 - 2 * cross))
+        sides.append((a @ a.T, b @ b.T))
+    first, second = zip(*sides, strict=True)
+    assert gaussian_wasserstein(zero, first, zero, second) == pytest.approx(values, rel=1e-11)
 
 
 @given(seed=SEEDS, d=st.integers(1, 6), periodic=st.booleans())
@@ -324,12 +331,12 @@ def test_nearest_covariance(seed: int, d: int, exponent: float) -> None:
 
 def laws(rng: np.random.Generator, count: int, d: int, spread: float) -> Array:
     """Means and packed factors (count, d (d + 3) / 2), of any rank, some equal."""
-    found = np.zeros((count, d * (d + 3) // 2))
-    for row in found:
+    found, matrices = np.zeros((count, d * (d + 3) // 2)), np.zeros((count, d, d))
+    for row, matrix in zip(found, matrices, strict=True):
         rank = int(rng.integers(0, d + 1))
-        matrix = spread**2 * covariance(rng, d, rank, 10.0 ** rng.integers(0, 10))
+        matrix[:] = spread**2 * covariance(rng, d, rank, 10.0 ** rng.integers(0, 10))
         row[:d] = np.round(rng.normal(0, spread, d), rng.integers(0, 5))
-        row[d:] = factor(project(pack(matrix[None]))[0])[:, 0]
+    found[:, d:] = factor(project(pack(matrices))[0]).T
     found[-1] = found[0]
     return found
 
