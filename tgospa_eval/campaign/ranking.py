@@ -20,7 +20,6 @@ from tgospa_eval.campaign import SCHEMA, statistics
 from tgospa_eval.campaign.row import (
     ESTIMATE_DIGEST,
     LABEL,
-    TRUTH_DIGEST,
     about_copies,
     covariances_of,
     label_names,
@@ -47,7 +46,7 @@ from tgospa_eval.problem.gospa import (
 )
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.quoting import option
-from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
+from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.records import (
     MEAN,
     PARTS,
@@ -66,14 +65,7 @@ from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.result_text import COMPARED
 from tgospa_eval.show.table_text import RULES, Rule
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.coverage import (
-    COVERAGE_FIELDS,
-    DIGESTS,
-    OWN_MARKS,
-    coverage_of,
-    incomparable,
-    judge_alike,
-)
+from tgospa_eval.tracks.coverage import DIGESTS, OWN_MARKS, coverage_of, incomparable, judge_alike
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -667,14 +659,6 @@ NOTHING = Interval(lower=0.0, upper=0.0)
 
 Parameters = Mapping[str, float | str]
 
-OF_RANKING = {
-    *("truth", "options", "parameters", "order", "finished", TRUTH_DIGEST, ESTIMATE_DIGEST),
-    *(f"judged.{name}" for name in COVERAGE_FIELDS),
-    *(*statistics.TOTAL_ENDS, *PARTS, *SPLIT_PARTS, STORED_NEES),
-}
-"""Columns that a ranking reads, besides labels: to copy all others takes a third of its time."""
-
-
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
@@ -691,8 +675,6 @@ def rankings(
     names : iterable of str
         All values of the label, also those for which all jobs failed.
     """
-    used = [name for name in having.columns if name in OF_RANKING or name.startswith(LABEL)]
-    having = having[list(dict.fromkeys([*used, *parameters]))]
     if not parameters:
         yield from _ranking(having, label, {}, names)
         return
