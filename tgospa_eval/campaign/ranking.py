@@ -659,6 +659,7 @@ NOTHING = Interval(lower=0.0, upper=0.0)
 
 Parameters = Mapping[str, float | str]
 
+
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
