@@ -808,7 +808,7 @@ def _near_misses(
     left = unshared - 2 * len(close)
     are_left = counted(left, "timestamp remains", "timestamps remain")
     rest = f"; then {are_left} in one file only" if left > 0 else ""
-    is_most = np.count_nonzero(within(distance, float(named), times, clock)) >= enough
+    suffices = np.count_nonzero(within(distance, float(named), times, clock)) >= enough
     notice = Notice(
         code="stamps-near",
         text=f"{pairs} nearly the same, at most {named} apart (the median step is "
@@ -816,7 +816,7 @@ def _near_misses(
         f"{counted(unshared, 'timestamp is', 'timestamps are')} in one file only",
         remedy=f"{option('time_tolerance', float(named))} makes each pair one step{rest}",
     )
-    return notice, float(named) if is_most else 0.0
+    return notice, float(named) if suffices else 0.0
 
 
 def median_step(times: Times) -> float | None:

@@ -365,7 +365,8 @@ class Sample:
         """
         sides = [self.truth, self.estimate]
         sides[place] = changed
-        return step_costs(*map(StepRows.of, sides), self.parameters, self.distance)
+        truth, estimate = map(StepRows.of, sides)
+        return step_costs(truth, estimate, self.parameters, self.distance)
 
     @cached_property
     def is_bad(self) -> bool:
