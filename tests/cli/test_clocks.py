@@ -1,8 +1,10 @@
 """Times as people have them: dates of days and months, epochs, GPS weeks, zones, two columns."""
 
 import json
+import re
 import shutil
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -226,6 +228,46 @@ def test_what_is_no_time_of_day(invoke: Invoke, tmp_path: Path) -> None:
     answer = invoke(str(path), str(path), "--day-begins", "43200")
     assert answer.status == 3
     assert "--day-begins 43200 is for times of day, below 86,400, but some times are" in answer.err
+
+
+@pytest.mark.parametrize("frames", [range(12), [0.5, 3.25, 40.0]])
+def test_frames_are_no_times_of_day(
+    frames: Sequence[float], invoke: Invoke, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["id,frame,x", *(f"1,{k},{k}" for k in frames), ""]))
+    answer = invoke(str(path), str(path), "--day-begins", "3")
+    assert "a.csv: --day-begins 3 makes the recording longer; leave it out" in answer.err
+    assert "recording" not in invoke(str(path), str(path), "--day-begins", "43200").err
+
+
+@pytest.mark.parametrize("digits", [8, 12, 14, 17])
+@pytest.mark.parametrize("zone", ["", "Z"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_dates_as_numbers_beside_dates(
+    digits: int, zone: str, way: int, invoke: Invoke, tmp_path: Path
+) -> None:
+    stamps = [f"2026-03-0{k}T23:59:55.123" for k in (1, 2, 3)]
+    length = {8: 10, 12: 16, 14: 19, 17: 23}[digits]
+    stamps = [stamp[:length] + zone * (digits > 8) for stamp in stamps]
+    numbers = ["".join(filter(str.isdigit, stamp)) for stamp in stamps]
+    paths = [tmp_path / name for name in ("numbers.csv", "dates.csv")]
+    for path, times in zip(paths, (numbers, stamps), strict=True):
+        path.write_text("\n".join(["id,t,x", *(f"1,{t},0" for t in times), ""]))
+    files = [str(path) for path in paths[::way]]
+    answer = invoke(*files)
+    assert answer.status == 3
+    named = re.search(r"read the dates with (--[^\n]*?)( or another)?\n", answer.err)
+    assert named is not None, answer.err
+    assert "3 of 3 steps" in invoke(*files, *named[1].split()).err
+    assert f"times such as {numbers[0]} look" in invoke(str(paths[0]), str(paths[0])).err
+
+
+def test_an_image_is_no_number_with_its_unit(invoke: Invoke, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("id,frame,x\n1,000000.jpg,0\n")
+    answer = invoke(str(path), str(path))
+    assert '"000000.jpg"; write a number or' in answer.err
 
 
 def test_decimals_that_differ_by_rounding_are_one_step(invoke: Invoke, tmp_path: Path) -> None:

@@ -294,6 +294,27 @@ def test_units_of_some_columns_are_proposed_for_these_alone(
     assert json.loads(answer.out)["total"] < 1e-12
 
 
+@pytest.mark.parametrize("earth", [False, True])
+@pytest.mark.parametrize(
+    ("heights", "cutoff"),
+    [((1.5, 400), 500), ((0, 400), 500), ((0, 8), 9), ((50, 450), 500), ((1.5, 40), 50)],
+)
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_constant_height_shows_no_unit(
+    heights: tuple[float, float], cutoff: int, way: int, *, earth: bool, invoke: Any
+) -> None:
+    for name, moved, height in zip("ge", (0, 3), heights[::way], strict=True):
+        places = [(100 * k + moved, 1000 * i) for k in range(6) for i in (0, 1)]
+        if earth:
+            places = [(48 + x / 111_200, 11 + y / 74_000) for x, y in places]
+        rows = [f"{i % 2},{i // 2},{x},{y},{height}" for i, (x, y) in enumerate(places)]
+        columns = "lat,lon,alt" if earth else "x,y,z"
+        Path(name).write_text("\n".join((f"id,t,{columns}", *rows)))
+    metric = ("--distance", "geodesic") if earth else ()
+    told = invoke("g", "e", "-c", str(cutoff), "-g", "1", *metric).err
+    assert "times too" not in told
+
+
 def test_degrees_beside_heights_are_told_and_never_scaled(invoke) -> None:
     files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv"), "--columns", "lat,lon,alt"
     told = invoke(*files, "--distance", "euclidean", "-c", "300", "-g", "100").err
@@ -486,9 +507,8 @@ def test_milliseconds_beside_seconds_whose_stamps_do_not_coincide(invoke: Any) -
     answer = invoke(*given, *more, "--format", "json")
     assert json.loads(answer.out)["normalised"]["tgospa"] < 40
     assert "; --time-scale" not in answer.err
-    for offset in ("500ms", "0.5"):
-        assert invoke(*given, *more, "--time-offset", offset, "-q").status == 0
-    assert invoke(*given, "--time-offset", "5 apples").status == 2
+    for offset, status in (("0.5", 0), ("500ms", 2), ("5 apples", 2)):
+        assert invoke(*given, *more, "--time-offset", offset, "-q").status == status
 
 
 @pytest.mark.parametrize("header", ["alt_ft", "altitude (ft)", "geo_altitude_feet"])

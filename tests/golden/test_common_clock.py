@@ -239,3 +239,9 @@ def test_classes_have_the_period_of_the_whole_estimate() -> None:
         assert result.missed == whole.missed == 36 * C**2 / 2
         periods = [part.parameters["period"] for part in (result, *result.results.values())]
         assert periods == [1, 1, 1]
+
+
+def test_an_even_number_of_intervals_has_the_mean_of_the_middle_two() -> None:
+    truth = pd.DataFrame({"id": "a", "t": [0, 2, 4, 8, 12], "x": 0.0})
+    metric = {"cutoff": C, "switch_penalty": GAMMA, "resample": 1, "max_gap": 4}
+    assert evaluate(truth, truth, **metric).parameters["period"] == 3

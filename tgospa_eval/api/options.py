@@ -260,8 +260,8 @@ class Request(Values):
     )
     time_offset: str = _files(
         "--time-offset DT",
-        "Time that is added to the times of ESTIMATE, after --time-scale: -4.7, or 500ms. A "
-        "number is seconds for ISO times.",
+        "Time that is added to the times of ESTIMATE, after --time-scale: -4.7, or for "
+        "ISO times also 500ms. A number is seconds for ISO times.",
         default="0",
     )
     time_scale: float = _files(

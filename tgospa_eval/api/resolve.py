@@ -26,7 +26,7 @@ from tgospa_eval.results.records import Calibration
 from tgospa_eval.results.summary import TrackedShares
 from tgospa_eval.solvers import Solver, as_solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.conversion import Conversion, signed_seconds
+from tgospa_eval.tracks.conversion import Conversion, signed_duration
 from tgospa_eval.tracks.trajectories import HEIGHT
 from tgospa_eval.tracks.weights import EXISTENCE
 
@@ -296,7 +296,7 @@ def _conversions(
         )
     ]
     of_estimate = Conversion(
-        time_offset=signed_seconds(options.time_offset, option("time_offset")),
+        time_offset=signed_duration(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),

@@ -12,13 +12,14 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs, Resources
 from tgospa_eval.distances.pair_search import prepared_pairs
-from tgospa_eval.errors import ConfigError, NothingLeftError
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import ROLES
 from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.conversion import SECOND, Duration, multiples
 from tgospa_eval.tracks.coverage import NOT_COUNTED, marks_of
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.alignment import ClockReports
@@ -128,6 +129,18 @@ def on_axis(
         Durations do not fit the timestamps, or a side cannot be interpolated.
     """
     matching.check_units(sides[0].clock if len(sides[0].times) else sides[1].clock)
+    if sides[0].clock != sides[1].clock:
+        from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
+
+        for role, name, side, other in zip(ROLES, names, sides, sides[::-1], strict=True):
+            form = calendar_format(side.times) if side.clock == "number" else ""
+            if "%Y" in form:
+                zone = f" {option(f'{role}_time_zone', 'UTC')} or another"
+                raise InputError(
+                    f"{name} has numbers that look like dates, the other file has "
+                    f"{CLOCKS[other.clock]}: read the dates with "
+                    f"{option(f'{role}_time_format', form)}{zone * (other.clock == 'zoned')}"
+                )
     comparable(*sides, names)
     axis = Axis(sides=sides, horizon=sides[0])
     if matching.resample is not None:

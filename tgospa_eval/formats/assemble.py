@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted, more
+from tgospa_eval.common.words import counted, more, plain
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
@@ -461,6 +461,10 @@ class _Choice:
         return not self.left_out
 
 
+LONGER = 1.5
+"""If the next day makes a recording longer by this factor, times are probably not times of day."""
+
+
 def _may_pass_midnight(times: TimeArray) -> bool:
     """Return whether sorted times may span more than half a day.
 
@@ -483,6 +487,10 @@ def _grid(
         from tgospa_eval.formats.clocks import carried  # lazy: seldom needed
 
         times = carried(times, options.day_begins, rows.name)
+        if len(times.value) and np.ptp(times.value) > LONGER * np.ptp(rows.times.value):
+            text = f"{option('day_begins', plain(options.day_begins))} makes the recording longer"
+            remedy = "leave it out if times are frames, or if none are after midnight"
+            choice.warnings.append(Notice(code="midnight", text=text, remedy=remedy))
     timestamps, step = _number_times(times.value)
     if options.day_begins is None and rows.whole and _may_pass_midnight(timestamps):
         from tgospa_eval.formats.clocks import over_midnight  # lazy: seldom needed
@@ -499,7 +507,9 @@ def _grid(
         sides = (side,) if side else ("truth_", "estimate_")
         if form := calendar_format(timestamps):
             ways = " or ".join(option(f"{side}time_format", form) for side in sides)
-            such = f" such as {timestamps[0]:.15g}" * rows.whole  # not for each part of a file
+            first = timestamps[0].item()
+            such = f" such as {first if first % 1 else int(first)}"
+            such *= rows.whole  # not for each part of a file
             shown = f"times{such} look like dates or times of day, and count as numbers"
             remedy = f"{ways} reads them" if rows.whole and form != "?" else "write ISO 8601 times"
             choice.warnings.append(Notice(code="calendar-numbers", text=shown, remedy=remedy))

@@ -318,14 +318,14 @@ def _day_of(time: float) -> int:
 def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
     """Read numeric times as times since 1970, in the unit that their size suggests.
 
-    Return the trajectories `side` with the new times, and the unit. If no unit fits, `side` is
-    unchanged, and the unit is blank.
+    Return the trajectories `side` with the new times, and the unit. If no unit fits, or the numbers
+    look like dates, `side` is unchanged, and the unit is blank.
     """
     ends = [abs(float(side.times[k])) for k in (0, -1)]
     scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}
     fits = (u for u, s in scales.items() if all(EARLIEST * s <= end < LATEST * s for end in ends))
     unit = next(fits, "")
-    if not unit:
+    if not unit or calendar_format(side.times):
         return side, ""
     exact = [int(Decimal(str(time)) * TIME_UNITS[unit]) for time in side.times.tolist()]
     value = np.array(exact, np.int64)

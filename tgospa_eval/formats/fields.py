@@ -407,7 +407,7 @@ BLANK = "leave it blank where the object is absent"
 """Remedy for a text that should be a number, if no better remedy is known."""
 
 
-WITH_UNIT = re.compile(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*")
+WITH_UNIT = re.compile(r"\s*([-+]?[\d.]*\d)\s*([A-Za-z°µ]+)\s*")
 THOUSANDS = re.compile(r"\s*[-+]?\d{1,3}([.,' \xa0\u202f])\d{3}(?:\1\d{3})*([.,]\d+)?\s*")
 """Patterns of a number with its unit, and of a number with separators of thousands."""
 

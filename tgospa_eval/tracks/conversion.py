@@ -152,21 +152,23 @@ class Steps:
         return stretch(self.first, self.last, every, self.clock, option("steps", self.text))
 
 
-def signed_seconds(given: object, name: str) -> float:
+def signed_duration(given: object, name: str) -> float:
     """Parse a number or a text such as ``-500ms``, to seconds if it has a unit.
 
-    A number without a unit is returned as it is.
+    A number that is not a text is returned as it is; a text gives a `Duration`.
 
     Raises
     ------
     ConfigError
         The value is not a number or such a text.
     """
-    if isinstance(given, str):
-        text = given.strip()
-        sign = -1.0 if text.startswith("-") else 1.0
-        return sign * float(Duration.of(text.lstrip("+-") or text, name))
-    return real_number(name, given)
+    if not isinstance(given, str):
+        return real_number(name, given)
+    text = given.strip()
+    size = Duration.of(text.lstrip("+-") or text, name)
+    signed = Duration(-size if text.startswith("-") else size)
+    signed.text, signed.unit = text, size.unit
+    return signed
 
 
 def multiples(first: int | float, last: int | float, every: Duration, clock: str) -> TimeArray:
@@ -262,7 +264,8 @@ class Conversion:
                 raise ConfigError(f"{option(name)} is {value:g}: must be finite")
             if name != "time_offset" and value <= 0:
                 raise ConfigError(f"{option(name)} is {value:g}: must be > 0")
-            object.__setattr__(self, name, value + 0.0)
+            if not isinstance(getattr(self, name), Duration):
+                object.__setattr__(self, name, value + 0.0)
 
     def recorded_of(self, role: str) -> dict[str, object]:
         """Return the settings that change something, by JSON name; `role` names the side."""
@@ -279,8 +282,8 @@ class Conversion:
         Raises
         ------
         ConfigError
-            ISO times would be scaled, a converted time is too large, or two converted times are
-            equal.
+            ISO times would be scaled, a converted time is too large, two converted times are equal,
+            or the offset has a unit, and the times are plain numbers.
         """
         if not len(times) or (self.time_offset == 0 and self.time_scale == 1):
             return times, labels
@@ -289,6 +292,8 @@ class Conversion:
             texts = np.empty(len(moved), dtype=object)
             texts[:] = [iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
+        if isinstance(self.time_offset, Duration):
+            self.time_offset.check(clock, option("time_offset"))
         from decimal import (  # lazy: slow to import, and few times are converted
             Context,
             Decimal,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, median
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.quoting import option
@@ -275,7 +275,7 @@ def hold(
     track, time = estimate.track[order], own[estimate.step[order]]
     same, gap = track[1:] == track[:-1], np.diff(time)
     step = float(matching.resample or 0.0)
-    period = float(matching.period) if matching.period else _period(gap[same], step)
+    period = float(matching.period or (median(gap[same]) if same.any() else step))
     if step > period * (1 + SLACK):
         shown = number(period, 6)
         raise ConfigError(
@@ -310,8 +310,3 @@ def hold(
     )
     side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)
     return side, reports
-
-
-def _period(gaps: Floats, step: float) -> float:
-    """Return the (lower) median of the intervals between reports, or `step` if there are none."""
-    return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

@@ -299,6 +299,45 @@ def test_the_remedy_joins_the_steps(
     assert (before > 80, after) == (True, 0)
 
 
+@pytest.mark.parametrize(
+    ("stamps", "tolerance"),
+    [
+        (("{k}", lambda k: k + 0.02 * (k % 2)), "0.02"),
+        (("{k}", lambda k: k + 0.005 * (k % 2)), "0.005"),
+        (("{k}", lambda k: k + 0.02 * (k % 4 > 0)), "0.02"),
+        (("{k}", lambda k: k + 0.03 * np.sin(k * k)), "0.03"),
+        (("{k}", lambda k: k + 0.1 * np.sin(k * k)), "0.1"),
+        ((lambda k: f"{k / 30:.6f}", lambda k: f"{k / 30:.3f}"), "0.00034"),
+        ((lambda k: f"{k / 29.97:.6f}", lambda k: f"{k / 29.97:.3f}"), "0.0005"),
+        ((lambda k: f"{k / 119.88:.6f}", lambda k: f"{int(1000 * k / 119.88) / 1000}"), "0.00091"),
+        (("{k}", lambda k: k + 0.3), ""),
+        (("{k}", lambda k: k + 0.2 + 0.03 * np.sin(k * k)), ""),
+        (("{k}", lambda k: 0.7 * k), ""),
+    ],
+)
+def test_stamps_with_jitter_are_joined(
+    invoke: Run, write: Write, stamps: tuple[Any, ...], tolerance: str
+) -> None:
+    """A displacement along the direction of travel looks like another clock, but is none."""
+    at = [one if callable(one) else one.format for one in stamps]
+    files = [
+        write(
+            f"{k}.csv",
+            "id,t,x,y\n"
+            + "".join(f"{i},{at[k](k=t)},{x + k * 0.3},{y + k * 0.1}\n" for i, t, x, y in WAVES),
+        )
+        for k in (0, 1)
+    ]
+    told = invoke(*files, "-c", "10", "-g", "5").err
+    if not tolerance:
+        assert "nearly the same" not in told
+        return
+    assert f"; --time-tolerance {tolerance} makes each pair one step\n" in told
+    assert "clock of the estimate" not in told
+    told = invoke(*files, "-c", "10", "-g", "5", "--time-tolerance", tolerance).err
+    assert "30 of 30 steps are in both files" in told
+
+
 def test_stamps_that_never_meet_are_interpolated(invoke: Run, write: Write) -> None:
     between = [(i, 1.3 * k + 0.11) for i in range(3) for k in range(22)]
     rows = [(i, t, 40 * i + 3 * t, 30 * i + 8 * np.sin(t / 3 + i)) for i, t in between]

@@ -132,6 +132,18 @@ def test_iso_times_move_and_are_shown_as_such(invoke: Run, write: Write) -> None
     ]
 
 
+@pytest.mark.parametrize("offset", ["500ms", "-2s", "1h"])
+def test_numbers_have_no_unit_for_an_offset(invoke: Run, write: Write, offset: str) -> None:
+    files = write("t.csv", TRUTH), write("e.csv", TRUTH.replace("t,x", "time_ms,x"))
+    refused = invoke(*files, *METRIC, "--time-offset", offset)
+    assert (refused.status, f"--time-offset {offset}: the times are plain" in refused.err) == (
+        2,
+        True,
+    )
+    with pytest.raises(ConfigError, match=f"time_offset {offset}: the times"):
+        evaluate(*files, cutoff=5, switch_penalty=2, time_offset=offset)
+
+
 def test_stamps_are_converted_as_decimals() -> None:
     """Against fractions; what cannot be told apart any more is refused."""
     times = np.array([0.1, 0.2, 0.3, 1.1, 100.5, 2**40 + 0.5])

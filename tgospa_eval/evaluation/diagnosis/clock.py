@@ -30,6 +30,7 @@ from tgospa_eval.distances import Distance, Norm
 from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_STEPS,
+    FIRST_STEPS,
     NOTABLE_COST,
     PAIRED,
     Sample,
@@ -40,7 +41,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 )
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.quoting import option
-from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
+from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, nearest, within
 from tgospa_eval.tracks.conversion import SECOND
 from tgospa_eval.tracks.interpolation import interpolated, on_lines
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -658,6 +659,11 @@ COMMON_SHARE = 0.9
 NEARLY = 0.01
 """Timestamps that differ by less than this share of the median step are probably the same."""
 
+SCATTER = 0.2
+"""Timestamps scatter around equal times if one in ten is equal or on either side of equality.
+
+Equal means here up to this share of the largest difference. A constant delay does not scatter."""
+
 POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
 """Units of timestamps, by the power of ten that converts them to seconds."""
 
@@ -697,9 +703,16 @@ def clock_warnings(
 ) -> list[Notice]:
     """Return warnings about times that look wrong; without a sample, no other clock is searched."""
     warnings = [_few_common(sides, request.time_matching)]
+    near, tolerance = _near_misses(sides.read, sides.alignment, request.time_matching)
     clock = None
-    if sample is not None and not _looks_sound(sample):
-        clock = find_clock(sides.given, sample.parameters, sample.distance, request)
+    if sample is not None:
+        joined = sample
+        if tolerance:  # a shift is not searched if joined timestamps suffice
+            both = align(*sides.read, TimeMatching(tolerance=tolerance))
+            pair = both.truth, both.estimate
+            joined = Sample(pair, sample.parameters, sample.distance, FIRST_STEPS)
+        if not _looks_sound(joined):
+            clock = find_clock(sides.given, sample.parameters, sample.distance, request)
     if clock is not None and clock.saving >= WORTH:
         if sides.in_parts and ("interpolate", "truth") in clock.cures:
             clock = replace(clock, cures=())
@@ -707,8 +720,7 @@ def clock_warnings(
     elif unit := _unit_of_time(sides.given):
         return [unit]
     else:
-        times = sides.read[0].times, sides.read[1].times
-        warnings.append(_near_misses(times, sides.alignment, request.time_matching))
+        warnings.append(near)
     return [notice for notice in warnings if notice]
 
 
@@ -759,21 +771,33 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
 
 
 def _near_misses(
-    times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
-) -> Notice | None:
-    """Warn of timestamps that nearly match: within 1 % of the median step, but not equal."""
-    if aligned.common == aligned.union or not all(map(len, times)):
-        return None
+    sides: tuple[Trajectories, Trajectories], aligned: Alignment, matching: TimeMatching
+) -> tuple[Notice | None, float]:
+    """Warn of timestamps that nearly match, but are not equal.
+
+    They match within 1 % of the median step; or, if they scatter around equal times, within a third
+    of the smallest step. The second result is the tolerance that joins nearly all of them, or 0.
+    """
+    times = sides[0].times, sides[1].times
     steps = [step for step in map(median_step, times) if step is not None]
-    if not steps:
-        return None
+    if aligned.common == aligned.union or not all(map(len, times)) or not steps:
+        return None, 0.0
     clock = aligned.truth.clock
     unit = SECOND if clock != "number" else 1
-    _, _, distance = nearest(*times)
+    mine, other, distance = nearest(*times)
+    limit, enough = NEARLY * min(steps) / unit, COMMON_SHARE * min(map(len, times))
+    third = min(float(np.diff(side).min()) for side in times if len(side) > 1) / 3 / unit
+    near = within(distance, third, times, clock)
+    late = np.where(times[0][mine] < times[1][other], 1.0, -1.0) * distance
+    late = np.sort(late[near])
+    if len(late) >= max(enough, FEWEST_STEPS):
+        ends = late[len(late) // 10], late[-1 - len(late) // 10]
+        wide = SCATTER * max(abs(late[0]), abs(late[-1]))
+        limit = max(limit, third) if ends[0] <= wide and ends[1] >= -wide else limit
     missed = (distance > 0) & ~within(distance, matching.near, times, clock)
-    close = distance[missed & within(distance, NEARLY * min(steps) / unit, times, clock)]
+    close = distance[missed & within(distance, limit, times, clock)]
     if not len(close):
-        return None
+        return None, 0.0
     wide = float(close.max())
     if close.dtype.kind == "f":  # a tolerance already allows for rounding of numbers
         wide = max(wide - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * wide)
@@ -784,13 +808,15 @@ def _near_misses(
     left = unshared - 2 * len(close)
     are_left = counted(left, "timestamp remains", "timestamps remain")
     rest = f"; then {are_left} in one file only" if left > 0 else ""
-    return Notice(
+    suffices = np.count_nonzero(within(distance, float(named), times, clock)) >= enough
+    notice = Notice(
         code="stamps-near",
         text=f"{pairs} nearly the same, at most {named} apart (the median step is "
         f"{_step_text(min(steps), clock, *times)}); "
         f"{counted(unshared, 'timestamp is', 'timestamps are')} in one file only",
         remedy=f"{option('time_tolerance', float(named))} makes each pair one step{rest}",
     )
+    return notice, float(named) if suffices else 0.0
 
 
 def median_step(times: Times) -> float | None:

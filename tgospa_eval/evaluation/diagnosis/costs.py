@@ -358,10 +358,15 @@ class Sample:
         """Estimate at the steps of the sample, as points."""
         return self.rows[1].table
 
-    def costs(self, estimate: Trajectories) -> StepCosts:
-        """Return the costs of the same truth and another estimate, which has these steps."""
-        truth = StepRows.of(self.truth)
-        return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
+    def costs(self, changed: Trajectories, place: int = 1) -> StepCosts:
+        """Return the costs after a change of the estimate, or of the truth if `place` is 0.
+
+        The changed side has these steps.
+        """
+        sides = [self.truth, self.estimate]
+        sides[place] = changed
+        truth, estimate = map(StepRows.of, sides)
+        return step_costs(truth, estimate, self.parameters, self.distance)
 
     @cached_property
     def is_bad(self) -> bool:

@@ -11,7 +11,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, plain
@@ -222,6 +222,11 @@ VOTES, EACH = 6_000, 40
 The first is a limit of all differences. The second is multiplied by the largest number of estimates
 at a step. The larger limit is used."""
 
+LEVEL = 0.05
+"""A unit is credible if the change makes the medians equal up to this share of them.
+
+If not, the change must be clearly better than a constant and an offset in the same columns."""
+
 UPWARD = ("z", HEIGHT)
 """Columns that may have their own unit, such as feet."""
 
@@ -230,7 +235,7 @@ POSITIONS = (("x", "y", "z"), ("lat", "lon"))
 
 @dataclass(frozen=True, kw_only=True)
 class _Change:
-    """Change of the estimate that undoes a fault: ``state[:, order] * factor + offset``.
+    """Change of one side that undoes a fault: ``state[:, order] * factor + offset``.
 
     Parameters
     ----------
@@ -241,9 +246,11 @@ class _Change:
     remedy : str
         Remedy, as it is proposed to the user.
     order : tuple of int
-        New order of the columns: indices of the columns of the estimate.
+        New order of the columns: indices of the columns of the side.
     factor, offset : (d,) float arrays
         Factor and offset of each column in the new order.
+    place : int, optional
+        Place of the changed side: 0 for the truth, 1 for the estimate.
     """
 
     code: str
@@ -252,24 +259,36 @@ class _Change:
     order: tuple[int, ...]
     factor: Floats
     offset: Floats
+    place: int = 1
 
-    def __call__(self, estimate: Trajectories) -> Trajectories:
-        """Return the estimate after the change."""
-        state = estimate.state[:, self.order] * self.factor + self.offset
-        return with_state(estimate, state)
+    def __call__(self, side: Trajectories) -> Trajectories:
+        """Return the side after the change."""
+        return with_state(side, side.state[:, self.order] * self.factor + self.offset)
+
+    def costs(self, sample: Sample) -> StepCosts:
+        """Return the costs of a sample after the change."""
+        return sample.costs(self((sample.truth, sample.estimate)[self.place]), self.place)
 
 
 def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> float:
     """Return the share of the cost that a change saves, or 0 if the change is not credible."""
-    there = sample.costs(change(sample.estimate))
+    there = change.costs(sample)
     saved = saving(sample.here, there, min(len(sample.steps), 2))
     if not saved or len(there.taken) < fewest:
         return 0.0
-    if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-        # If true states are at the origin, any factor near 0 brings estimates near to them.
-        origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
-        if origin.upper.sum() < 2 * there.upper.sum():
-            return 0.0
+    if change.code == "unit-scale":
+        other, own = (
+            np.array([median(column) for column in side.state.T])
+            for side in (sample.truth, sample.estimate)[:: 2 * change.place - 1]
+        )
+        same = change.factor == 1
+        if (same | (np.abs(change.factor * own - other) < LEVEL * np.abs(other))).all():
+            return saved
+        for kept in (0.0, 1.0):
+            factor, offset = np.where(same, 1.0, kept), np.where(same, 0.0, other - kept * own)
+            rival = replace(change, factor=factor, offset=offset).costs(sample)
+            if rival.upper.sum() <= 2 * there.upper.sum():
+                return 0.0
     return saved
 
 
@@ -366,8 +385,9 @@ def _linear(sample: Sample, frames: Sequence[str], headers: Mapping[str, str]) -
                 remedy="write both files in one unit"
                 + f", or use {way}" * bool(own and "degrees" not in units),
                 order=same,
-                factor=np.where(straight, by, 1.0),
+                factor=np.where(straight, scale, 1.0),
                 offset=none,
+                place=wrong,
             )
     for order, signs in _turns(columns):
         change = _turned(columns, order, signs)
