@@ -161,6 +161,11 @@ class Report:
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
+    def warnings(self) -> list[str]:
+        """Notices that are warnings."""
+        return [text for text in self.notices if text.startswith("warning: ")]
+
+    @property
     def status(self) -> int:
         """Exit status."""
         return worst(outcome.status for outcome in self.outcomes)
