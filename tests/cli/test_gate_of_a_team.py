@@ -180,7 +180,7 @@ def test_python_judges_a_suite(gate: Invoke) -> None:
     assert renewed.report.tally == {"updated": 5, "unchanged": 10, "removed": 0}
     with pytest.raises(tgospa_eval.ConfigError, match="group is for suites"):
         tgospa_eval.gate("a.csv", "b.csv", "c.json", group="scene")
-    with pytest.raises(TypeError, match="takes truth, estimate and baseline; or suite"):
+    with pytest.raises(TypeError, match="takes truth and estimate, or suite"):
         tgospa_eval.gate("a.csv", suite="suite.toml")
 
 

@@ -74,15 +74,20 @@ def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict
     3. the suite
     4. the command line and the environment
     """
-    inherited = dict(entry["options"]) if entry else {}
-    for key in _naming_files(inherited):
-        inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
     return {
-        **typed(inherited, f"{path}, options"),
+        **typed(_inherited(entry, path), f"{path}, options"),
         **gate.given("default_map"),
         **typed(pair.options, f"pair {quoted(pair.name)}, options"),
         **gate.given("commandline", "environment"),
     }
+
+
+def _inherited(entry: Json | None, path: str) -> dict[str, object]:
+    """Return the options of an `entry` of the baseline at `path`, with paths from here."""
+    options = dict(entry["options"]) if entry else {}
+    for key in _naming_files(options):
+        options[key] = os.path.join(os.path.dirname(path), str(options[key]))
+    return options
 
 
 # -------------------------------------------------------------------------------------------------
@@ -674,7 +679,7 @@ def gate(
         Truth and estimate, as for `evaluate`.
     baseline : str or path, optional
         JSON file of the baseline, in the format of the command line. `update_baseline` writes this
-        file. A suite can name its baseline, too.
+        file. A suite can name its baseline, too. Fixed `limits` alone need none.
     suite : str or path, optional
         TOML file with several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
@@ -724,8 +729,7 @@ def gate(
         An option or the data are wrong, as for `evaluate`; a rule is wrong; or the baseline or the
         suite cannot be read.
     TypeError
-        The arguments are neither truth, estimate and baseline, nor a suite; or `limits` is not a
-        mapping.
+        The arguments are neither truth and estimate, nor a suite; or `limits` is not a mapping.
     """
     given = dict(locals())  # in the first line, so that these are only the parameters
     if not isinstance(limits, Mapping | None):
@@ -742,8 +746,8 @@ def gate(
     )
     if suite is not None and truth is None and estimate is None:
         return _gate_of_suite(judge_by, options)
-    if truth is None or estimate is None or baseline is None or suite is not None:
-        raise TypeError("gate() takes truth, estimate and baseline; or suite")
+    if truth is None or estimate is None or suite is not None:
+        raise TypeError("gate() takes truth and estimate, or suite")
     for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
             raise ConfigError(f"{option(name)} is for suites")
@@ -757,25 +761,25 @@ def _gate_of_pair(
     options: Mapping[str, Any],
 ) -> GateResult:
     """Judge one estimate, in memory or in a file, with options of `evaluate`."""
-    path = str(judge_by.baseline)
-    old = load(path, judge_by.renewed)
+    path = judge_by.baseline or ""
+    old = load(path, judge_by.renewed) if path else None
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(
         name=ONLY_PAIR, truth=_display_name(truth, "truth"), estimate=_display_name(estimate, "")
     )
-    judge_pairs.rules_of(judge_by, pair)  # raises the error of a wrong rule before any work
-    kept = old[ONLY_PAIR]["options"] if old else {}
+    # A wrong rule raises its error before any work.
+    judge_pairs.rules_of(judge_by, pair, baseline=bool(path))
+    kept = _inherited(old[ONLY_PAIR] if old else None, path)
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **chosen)
     plain = {key: chosen.get(name) for key, name in INHERITED.items()}
     row = row_to_judge(result)
     measured(row)  # raises the error of a result that cannot be judged
-    recorded = {
-        **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
-        **_chosen_by_data(row),
-    }
+    kinds = (str, float, int, os.PathLike)
+    plain = {key: value for key, value in plain.items() if isinstance(value, kinds)}
+    recorded = _portable(plain | _chosen_by_data(row), path)
     report = judge_pairs.judge_pairs(
         judge_by, [pair], [], path, old, lambda pairs, _: ((row, recorded) for _ in pairs), ""
     )
