@@ -120,7 +120,12 @@ def test_what_a_bracket_leaves_open_is_undecided(
         )
     answer = invoke("gate", "exact", "open")
     assert answer.status == 4
-    assert "es: undecided: a smaller --epsilon than 1, or --solver certified" in answer.out
+    assert (
+        "es: undecided: a smaller --epsilon than 1, or --solver certified; run batch with it"
+        in (" ".join(answer.out.split()))
+    )
+    assert invoke("batch", *files, "-o", "again", "--solver", "certified").status == 0
+    assert invoke("gate", "exact", "again").status == 0
     assert "es: the baseline is not exact, relative gap" in invoke("gate", "open", "exact").out
 
 

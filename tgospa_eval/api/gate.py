@@ -576,7 +576,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):
-        name, row = job_name(values), {str(column): value for column, value in values.items()}
+        name, row = job_name(values), {**{str(key): values[key] for key in values}, "stored": True}
         if name in rows:
             raise InputError(f"{folder}: two jobs are called {quoted(name)}; rename a label")
         own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}

@@ -197,7 +197,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         if len(kept):
             parts.append(kept.astype({"job": np.int64}).drop(columns=["key", "finished", "step"]))
     if not parts:
-        return None
+        return None if wanted.empty else pd.DataFrame({"job": np.zeros(0, np.int64)})
     steps: pd.DataFrame = pd.concat(parts, ignore_index=True)
     for job, wrong in _contradictions(steps, wanted):
         name = quoted(job_in_words(rows.loc[job]))

@@ -321,7 +321,8 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
         yield from _parts(now.values, typical(entry))
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
-        yield f"undecided: {now.remedy}"
+        again = "; run batch with it into a new folder" if now.stored and "--" in now.remedy else ""
+        yield f"undecided: {now.remedy}{again}"
     if entry:
         yield from _against(findings, now, typical(entry))
 
