@@ -157,8 +157,8 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
-    told = _unfinished({path: len(Store(path).rows())}) if is_store(path) else []
-    report = replace(report, notices=(*report.notices, *told))
+    warned = _unfinished({path: len(Store(path).rows())}) if is_store(path) else []
+    report = replace(report, notices=(*report.notices, *warned))
     return _said(_with_first_changes(gate, report, pairs, old or {}, path, target), notify)
 
 
@@ -187,9 +187,9 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     path = baseline or ""
     table = _stored(folder, path)
     done = {folder: len(table)} | ({first: len(Store(first).rows())} if second else {})
-    told = _unfinished(done)
-    if told and gate.update_baseline:
-        raise InputError(told[0].removeprefix("warning: "))
+    warned = _unfinished(done)
+    if warned and gate.update_baseline:
+        raise InputError(warned[0].removeprefix("warning: "))
     pairs = [
         Job(
             name=name,
@@ -204,7 +204,7 @@ def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     report = judge_pairs.judge_pairs(
         gate, pairs, [], path, old, lambda pairs, _: (table[pair.name] for pair in pairs), folder
     )
-    return replace(report, notices=(*report.notices, *told))
+    return replace(report, notices=(*report.notices, *warned))
 
 
 def _unfinished(done: Mapping[str, int]) -> list[str]:
