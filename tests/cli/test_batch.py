@@ -230,6 +230,14 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
     assert all(f"warning: {name}: 6 of 8 jobs are done" in told for name in ("same", "r"))
     assert batch(invoke, "--shard", "3/3").out.split()[0] == "2"
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
+    for path in Path("out").rglob("*.csv"):  # a new build of the trackers
+        path.write_text(path.read_text(encoding="utf-8") + "9,0,500,500\n", encoding="utf-8")
+    assert batch(invoke, "--shard", "1/3").status == 0
+    half = invoke("batch", "report", "r", "--format", "json").out
+    assert "warning: 3 of 8 jobs are done" in half
+    assert len(json.loads(half)["jobs"]) == 3
+    made = invoke("gate", "r", "--baseline", "b.json", "--update-baseline")
+    assert (made.status, Path("b.json").exists()) == (3, False)
     for text in ("4/3", "1", "1/\uff13", "1/1_0"):
         assert "must be K/N" in batch(invoke, "--shard", text).err
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,16 @@ def test_steps_without_their_job_do_not_count(invoke: Invoke, runs: Path) -> Non
     steps = pd.concat(map(pd.read_parquet, Path("r/per_step").glob("*.parquet")))
     assert len(steps) == 2 * len(stored()) == 4 * RUNS * 6
     assert pd.read_csv("r/curve.csv")["runs"].tolist() == [RUNS] * 24
+
+
+def test_lost_steps_are_told(invoke: Invoke, runs: Path) -> None:
+    batch(invoke, "--per-step")
+    shutil.rmtree("r/per_step")
+    for by in ("tracker", "tracker,run"):
+        told = invoke("batch", "report", "r", "-o", "q", "--by", by, "--band", "interval").out
+        assert "not available: the stored steps of" in told
+        assert "no steps are stored" not in told
+    assert not Path("q/curve.csv").exists()
 
 
 def test_files_of_others_in_the_store_stay(invoke: Invoke, runs: Path) -> None:

@@ -423,6 +423,7 @@ def test_no_baselines(gate: Invoke, write: Write) -> None:
             answer = gate(*arguments)
             assert answer.status == 2, said
             assert said in answer.err
+            assert "delete it" not in answer.err  # it can be an input that was named by mistake
             assert len(answer.err.splitlines()) == 1
         kept = Path("b.json").read_bytes()
         assert kept == (content.encode() if isinstance(content, str) else content)
@@ -771,6 +772,9 @@ def test_badly_merged(gate: Invoke, change: Callable[[Any], None], said: str) ->
 
 def test_unit_and_decimal_compare(gate: Invoke) -> None:
     assert gate("--unit", "m").status == 0
+    assert gate("--unit", "m", "--update-baseline").status == 0
+    answer = gate("--unit", "km")
+    assert (answer.status, 'unit is "km", in the baseline "m"' in answer.out) == (2, True)
 
 
 def test_an_undecided_warning_is_a_warning(

@@ -8,6 +8,8 @@ import pytest
 from answer import Invoke
 from checkout import SAMPLES
 
+from tgospa_eval import TgospaWarning, gate
+
 PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv")
 
 
@@ -118,7 +120,12 @@ def test_what_a_bracket_leaves_open_is_undecided(
         )
     answer = invoke("gate", "exact", "open")
     assert answer.status == 4
-    assert "es: undecided: a smaller --epsilon than 1, or --solver certified" in answer.out
+    assert (
+        "es: undecided: a smaller --epsilon than 1, or --solver certified; run batch with it"
+        in (" ".join(answer.out.split()))
+    )
+    assert invoke("batch", *files, "-o", "again", "--solver", "certified").status == 0
+    assert invoke("gate", "exact", "again").status == 0
     assert "es: the baseline is not exact, relative gap" in invoke("gate", "open", "exact").out
 
 
@@ -153,6 +160,55 @@ def test_a_store_is_the_baseline_of_a_suite(batch: Invoke, invoke: Invoke) -> No
     assert "a/1: total is at least 36, proven, 4.00004 allowed by total:+0.001%" in answer.out
     answer = invoke("gate", "--suite", "suite.toml", "--update-baseline")
     assert (answer.status, "is a batch" in answer.err) == (2, True)
+
+
+NAMES = ('name = "{run}/{tracker}"', 'name = "{tracker}, run {run}"')
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_pair_and_a_job_are_the_same_if_their_labels_are(
+    batch: Invoke, invoke: Invoke, name: str
+) -> None:
+    suite = (
+        f'baseline = "old"\n[[pair]]\n{name}\ntruth = "gt/{{run}}.csv"\n'
+        'estimate = "out/{tracker}/{run}.csv"\n[[group]]\nname = "{tracker}"\nseed = "run"\n'
+        'fail-on = ["total:+1%"]\n'
+    )
+    Path("suite.toml").write_text(suite, encoding="utf-8")
+    answer = invoke("gate", "--suite", "suite.toml", "--strict")
+    assert (answer.status, "not in the baseline" in answer.out + answer.err) == (0, False)
+    update = ("--baseline", "b.json", "--update-baseline")
+    assert invoke("gate", "--suite", "suite.toml", *update).status == 0
+    assert invoke("gate", "old", "--baseline", "b.json").status == 0
+    if name == NAMES[0]:
+        again = invoke("gate", "old", *update).out
+        assert "4 unchanged, 0 removed" in again
+        assert invoke("gate", "--suite", "suite.toml", "--baseline", "b.json").status == 0
+    pair = suite[suite.index("[[pair]]") : suite.index("[[group]]")]
+    other = pair.replace("name = ", 'name = "other/{run}/{tracker}" # ')
+    Path("suite.toml").write_text(f'baseline = "old"\n{pair}{other}', encoding="utf-8")
+    assert invoke("gate", "--suite", "suite.toml").status == 2
+
+
+def test_unfinished_jobs_are_named_in_every_output(batch: Invoke, invoke: Invoke) -> None:
+    for name in ("half", "rest"):
+        batch(name, "--shard", "1/2")
+    said = "half: 2 of 4 jobs are done"
+    written = ("-o", "g", "--junit", "j.xml", "--github", "--format", "json")
+    answer = invoke("gate", "half", "rest", *written)
+    assert answer.status == 0
+    assert f"::warning title=TGOSPA gate%3A all pairs::{said}" in answer.err
+    assert f"warning: {said}" in json.loads(answer.out)["notices"][1]
+    assert all(said in Path("g", f"gate.{kind}").read_text("utf-8") for kind in ("html", "md"))
+    assert said in Path("j.xml").read_text(encoding="utf-8")
+    Path("suite.toml").write_text(
+        'baseline = "half"\n[[pair]]\ntruth = "gt/{run}.csv"\n'
+        'estimate = "out/{tracker}/{run}.csv"\n[[group]]\nname = "all"\nseed = "run"\n',
+        encoding="utf-8",
+    )
+    assert f"warning: {said}" in invoke("gate", "--suite", "suite.toml").err
+    with pytest.warns(TgospaWarning, match=f"^{said}"):
+        gate(suite="suite.toml")
 
 
 WRONG = (

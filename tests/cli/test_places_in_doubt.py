@@ -121,7 +121,7 @@ def test_no_estimate_decides_what_another_is_compared_with(invoke: Invoke) -> No
         rows = zip(boxes((shift, 0)), known, strict=True)
         write(f"{name}.csv", header, [(*box, *place) for box, place in rows])
     answer = invoke("compare", "gt.csv", "a.csv", "b.csv", "-c", "9", "-g", "1", "--format", "json")
-    assert "b.csv, has other states or ids than that of a.csv" in answer.err
+    assert "b.csv, has other states, ids or times than that of a.csv" in answer.err
     assert not answer.out
     alone = [value(invoke("gt.csv", f"{name}.csv", "-c", "9", "-g", "1")) for name in "ab"]
     assert alone == [pytest.approx((12 * 9) ** 0.5, rel=1e-5), 0]

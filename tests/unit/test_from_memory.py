@@ -108,6 +108,8 @@ def test_runs_that_do_not_fit(study: tuple[np.ndarray, dict[str, np.ndarray]]) -
     for function in (batch, compare):
         with pytest.raises(InputError, match=r"^truth has 8 runs, far 7: all must have the same"):
             function(truth, fewer, **GIVEN)
+        with pytest.raises(InputError, match=r"^near has 8 runs, far 7: .* except a single truth"):
+            function(truth[0], fewer, **GIVEN)
         with pytest.raises(InputError, match=r'^far: near has no run "8"; all'):
             function(truth[0], named, **GIVEN)
         with pytest.raises(InputError, match=r"^near has 8 runs, far 1: "):

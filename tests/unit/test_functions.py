@@ -227,6 +227,34 @@ def test_gate_and_the_command_know_each_other(
         gate(*quickstart, quickstart[0])
 
 
+@pytest.mark.parametrize("kind", ["ignore_regions", "region"])
+def test_a_baseline_names_files_from_its_own_folder(
+    invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sub").mkdir()
+    Path("sub/area.csv").write_text("left,top,width,height\n-5,-5,50,50\n", encoding="utf-8")
+    for name, rows in (("truth", "1,0,0,0\n"), ("estimate", "1,0,0,1\n2,0,9,0\n")):
+        Path(f"{name}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    pair = ("truth.csv", "estimate.csv")
+    given = {kind: Path("sub/area.csv")} if kind == "ignore_regions" else {kind: "sub/area.csv"}
+    made = gate(*pair, "sub/ours.json", update_baseline=True, **GIVEN, **given)
+    assert made.verdict == "updated"
+    option = (f"--{kind.replace('_', '-')}", "sub/area.csv", "--baseline", "sub/theirs.json")
+    assert invoke("gate", *pair, *METRIC, *option, "--update-baseline").status == 0
+    assert Path("sub/ours.json").read_text() == Path("sub/theirs.json").read_text()
+    Path("area.csv").write_text("left,top,width,height\n90,90,1,1\n", encoding="utf-8")
+    assert gate(*pair, "sub/theirs.json")
+    assert invoke("gate", *pair, "--baseline", "sub/ours.json").status == 0
+
+
+def test_fixed_limits_need_no_baseline(quickstart: tuple[str, str]) -> None:
+    assert gate(*quickstart, limits={"tgospa": 50.0}, **GIVEN)
+    assert gate(*quickstart, limits={"tgospa": 5.0}, **GIVEN).verdict == "fail"
+    with pytest.raises(ConfigError, match="no baseline: give one with baseline; total"):
+        gate(*quickstart, limits={"tgospa": 5.0}, fail_on="total:+1%", **GIVEN)
+
+
 def test_verify(quickstart: tuple[str, str], tmp_path: Path) -> None:
     folder = tmp_path / "proof"
     evaluate(*quickstart, **GIVEN).proof.save(folder)

@@ -385,12 +385,14 @@ def evaluate_batch(
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open({**_record(paths, batch), "expected": len(plan.jobs)})
+    store.open(_record(paths, batch))
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
     with locked(store.folder, (number, count)):
-        tasks = list(tasks_of(plan, batch))[number - 1 :: count]
+        tasks = list(tasks_of(plan, batch))
+        store.expect(task.key for task in tasks)
+        tasks = tasks[number - 1 :: count]
         rows = store.rows()
         left = list(_left_over(tasks, rows, retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)

@@ -3,7 +3,8 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -73,15 +74,20 @@ def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict
     3. the suite
     4. the command line and the environment
     """
-    inherited = dict(entry["options"]) if entry else {}
-    for key in _naming_files(inherited):
-        inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
     return {
-        **typed(inherited, f"{path}, options"),
+        **typed(_inherited(entry, path), f"{path}, options"),
         **gate.given("default_map"),
         **typed(pair.options, f"pair {quoted(pair.name)}, options"),
         **gate.given("commandline", "environment"),
     }
+
+
+def _inherited(entry: Json | None, path: str) -> dict[str, object]:
+    """Return the options of an `entry` of the baseline at `path`, with paths from here."""
+    options = dict(entry["options"]) if entry else {}
+    for key in _naming_files(options):
+        options[key] = os.path.join(os.path.dirname(path), str(options[key]))
+    return options
 
 
 # -------------------------------------------------------------------------------------------------
@@ -123,7 +129,7 @@ def judge_all(
     """
     judge_pairs.check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        return _said(_judge_store(gate, truth, estimate, notify), notify, stored=True)
+        return _said(_judge_store(gate, truth, estimate), notify, stored=True)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError(
             f"{option('against')} and {option('update_baseline')}: leave one of them out"
@@ -136,9 +142,9 @@ def judge_all(
         judge_pairs.check_junit(gate, pair.truth, pair.estimate, named)
     path = (gate.baseline if gate.strong("baseline") or not named else named) or ""
     if target is None:
-        old = load_baseline(path, gate.renewed) if path else None
+        old = _renamed(load_baseline(path, gate.renewed), pairs, is_store(path)) if path else None
     else:
-        old = parse(target.demand(path), target.name(path)) if path else None
+        old = _renamed(parse(target.demand(path), target.name(path)), pairs) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
     if gate.newer_than is not None:
         pairs = [*judge_pairs.with_stale(pairs, gate.newer_than)]
@@ -151,27 +157,28 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
+    warned = _unfinished({path: len(Store(path).rows())}) if is_store(path) else []
+    report = replace(report, notices=(*report.notices, *warned))
     return _said(_with_first_changes(gate, report, pairs, old or {}, path, target), notify)
 
 
 def _said(report: Report, notify: Callable[[str], None], *, stored: bool = False) -> Report:
-    """Print warnings about groups and stored jobs, and return the report.
+    """Print warnings about groups, stored jobs and the whole baseline, and return the report.
 
     All other warnings were printed during the evaluations. `stored` is true for jobs of a store.
     """
     for one in report.outcomes:
         for warning in one.warnings if stored or one.group else ():
             notify(f"{title(one)}: {warning}")
+    for text in report.warnings:
+        notify(text)
     return report
 
 
-def _judge_store(
-    gate: GateOptions, first: str, second: str | None, notify: Callable[[str], None]
-) -> Report:
+def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     """Judge the jobs of a store by those of another store, or by a baseline file.
 
-    With two stores, `first` has the baseline and `second` is judged. `notify` receives a warning
-    if jobs of a store are not done.
+    With two stores, `first` has the baseline and `second` is judged.
     """
     for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
@@ -180,11 +187,9 @@ def _judge_store(
     path = baseline or ""
     table = _stored(folder, path)
     done = {folder: len(table)} | ({first: len(Store(first).rows())} if second else {})
-    for name, count in done.items():
-        if unfinished := Store(name).unfinished(count):
-            if gate.update_baseline:
-                raise InputError(f"{name}: {unfinished}; {REST}")
-            notify(f"warning: {name}: {unfinished}; {REST}")
+    warned = _unfinished(done)
+    if warned and gate.update_baseline:
+        raise InputError(warned[0].removeprefix("warning: "))
     pairs = [
         Job(
             name=name,
@@ -195,10 +200,17 @@ def _judge_store(
         )
         for name, (row, _) in table.items()
     ]
-    old = load_baseline(path) if path else None
-    return judge_pairs.judge_pairs(
+    old = _renamed(load_baseline(path), pairs, not gate.update_baseline) if path else None
+    report = judge_pairs.judge_pairs(
         gate, pairs, [], path, old, lambda pairs, _: (table[pair.name] for pair in pairs), folder
     )
+    return replace(report, notices=(*report.notices, *warned))
+
+
+def _unfinished(done: Mapping[str, int]) -> list[str]:
+    """Return a warning for each store of which not all jobs are done, from the numbers `done`."""
+    texts = {name: Store(name).unfinished(count) for name, count in done.items()}
+    return [f"warning: {name}: {text}; {REST}" for name, text in texts.items() if text]
 
 
 def _with_first_changes(
@@ -485,6 +497,28 @@ def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Ba
     }
 
 
+def _renamed(old: Baseline | None, pairs: Sequence[Job], any_name: bool = False) -> Baseline | None:
+    """Return a baseline with the entries of equal labels under the names of these pairs.
+
+    A name such as ``a/1`` also stands for ``1/a``. With `any_name`, only the labels must be equal.
+    """
+
+    def lone(labels: Mapping[str, Mapping[str, str]]) -> dict[Hashable, str]:
+        keys = {
+            name: (frozenset(own.items()), any_name or tuple(sorted(name.split("/"))))
+            for name, own in labels.items()
+        }
+        count = Counter(keys.values())
+        return {key: name for name, key in keys.items() if key[0] and count[key] == 1}
+
+    known = {pair.name: pair.labels for pair in pairs}
+    new = lone({name: own for name, own in known.items() if name not in (old or {})})
+    labels = {name: entry.get("labels", {}) for name, entry in (old or {}).items()}
+    before = lone({name: own for name, own in labels.items() if name not in known})
+    names = {before[key]: new[key] for key in before.keys() & new.keys()}
+    return old and {names.get(name, name): entry for name, entry in old.items()}
+
+
 def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str | None]:
     """Return the path of the store to judge, and the path of the baseline or None.
 
@@ -542,7 +576,7 @@ def _stored(folder: str, path: str) -> dict[str, judge_pairs.Evaluated]:
     of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, judge_pairs.Evaluated] = {}
     for values in table.to_dict("records"):
-        name, row = job_name(values), {str(column): value for column, value in values.items()}
+        name, row = job_name(values), {**{str(key): values[key] for key in values}, "stored": True}
         if name in rows:
             raise InputError(f"{folder}: two jobs are called {quoted(name)}; rename a label")
         own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
@@ -645,7 +679,7 @@ def gate(
         Truth and estimate, as for `evaluate`.
     baseline : str or path, optional
         JSON file of the baseline, in the format of the command line. `update_baseline` writes this
-        file. A suite can name its baseline, too.
+        file. A suite can name its baseline, too. Fixed `limits` alone need none.
     suite : str or path, optional
         TOML file with several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
@@ -695,8 +729,7 @@ def gate(
         An option or the data are wrong, as for `evaluate`; a rule is wrong; or the baseline or the
         suite cannot be read.
     TypeError
-        The arguments are neither truth, estimate and baseline, nor a suite; or `limits` is not a
-        mapping.
+        The arguments are neither truth and estimate, nor a suite; or `limits` is not a mapping.
     """
     given = dict(locals())  # in the first line, so that these are only the parameters
     if not isinstance(limits, Mapping | None):
@@ -713,8 +746,8 @@ def gate(
     )
     if suite is not None and truth is None and estimate is None:
         return _gate_of_suite(judge_by, options)
-    if truth is None or estimate is None or baseline is None or suite is not None:
-        raise TypeError("gate() takes truth, estimate and baseline; or suite")
+    if truth is None or estimate is None or suite is not None:
+        raise TypeError("gate() takes truth and estimate, or suite")
     for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
             raise ConfigError(f"{option(name)} is for suites")
@@ -728,25 +761,25 @@ def _gate_of_pair(
     options: Mapping[str, Any],
 ) -> GateResult:
     """Judge one estimate, in memory or in a file, with options of `evaluate`."""
-    path = str(judge_by.baseline)
-    old = load(path, judge_by.renewed)
+    path = judge_by.baseline or ""
+    old = load(path, judge_by.renewed) if path else None
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(
         name=ONLY_PAIR, truth=_display_name(truth, "truth"), estimate=_display_name(estimate, "")
     )
-    judge_pairs.rules_of(judge_by, pair)  # raises the error of a wrong rule before any work
-    kept = old[ONLY_PAIR]["options"] if old else {}
+    # A wrong rule raises its error before any work.
+    judge_pairs.rules_of(judge_by, pair, baseline=bool(path))
+    kept = _inherited(old[ONLY_PAIR] if old else None, path)
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     chosen: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **chosen)
     plain = {key: chosen.get(name) for key, name in INHERITED.items()}
     row = row_to_judge(result)
     measured(row)  # raises the error of a result that cannot be judged
-    recorded = {
-        **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
-        **_chosen_by_data(row),
-    }
+    kinds = (str, float, int, os.PathLike)
+    plain = {key: value for key, value in plain.items() if isinstance(value, kinds)}
+    recorded = _portable(plain | _chosen_by_data(row), path)
     report = judge_pairs.judge_pairs(
         judge_by, [pair], [], path, old, lambda pairs, _: ((row, recorded) for _ in pairs), ""
     )
@@ -763,7 +796,7 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
     judge_by = replace(judge_by, evaluation=values, sources=sources)
     warnings: list[str] = []
     report = judge_all(judge_by, None, None, warnings.append)
-    warn_user([Notice(text=text) for text in warnings])
+    warn_user([Notice(text=text.removeprefix("warning: ")) for text in warnings])
     return GateResult(report=report)
 
 

@@ -524,7 +524,7 @@ def runs_in_memory(
         if len(own) != len(names):
             raise InputError(
                 f"{first} has {counted(len(names), 'run')}, {name} {len(own)}: all must have the "
-                "same runs, or one truth for all; a run without objects is []"
+                "same number, except a single truth for all; a run without objects is []"
             )
         wrong = next((run for run, _ in own if run and run not in names), None)
         if wrong is not None:

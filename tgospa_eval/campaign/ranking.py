@@ -22,6 +22,7 @@ from tgospa_eval.campaign.row import (
     LABEL,
     about_copies,
     covariances_of,
+    in_words,
     label_names,
     pair_numbers,
     run_ids,
@@ -431,8 +432,8 @@ def ranking_document(
         if wrong and other is not None:
             raise ConfigError(
                 f"no order: the ground truth of {list(entrants)[other]}, {outcomes[other].path}, "
-                f"has other states or ids than that of {outcomes[0].path}; evaluate all estimates "
-                "on the same ground truth"
+                f"has other states, ids or times than that of {outcomes[0].path}; evaluate all "
+                "estimates on the same ground truth"
             )
         if wrong:
             raise ConfigError(f"no order: {wrong}; {judge_alike()}")
@@ -699,7 +700,12 @@ def _ranking(
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
     if len(names) < 2:
-        yield f"{label} has only one value: nothing to rank"
+        if {*all_names} <= {*names}:
+            yield f"{label} has only one value: nothing to rank"
+        else:
+            own = " and ".join(f"{name} {in_words(value)}" for name, value in parameters.items())
+            own = f" with {own}" if own else ""
+            yield f"{label} is not ranked: only {names[0]} has values{own}"
         return
     if len(names) > MAX_COMPARED:
         yield f"{label} has {len(names):,} values: at most {MAX_COMPARED} are ranked"

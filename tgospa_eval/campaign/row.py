@@ -128,8 +128,7 @@ def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
 def job_name(row: Mapping[Any, Any]) -> str:
     """Return the name of a job: the values of its labels, and its own options.
 
-    Without labels, the path of the estimate is used. A pair in the suite of a gate has the same
-    name as a job with the same labels.
+    Without labels, the path of the estimate is used.
     """
     labels = labels_of(row)
     own = labels.pop("options", "")

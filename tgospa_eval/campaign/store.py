@@ -11,7 +11,7 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -197,7 +197,7 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         if len(kept):
             parts.append(kept.astype({"job": np.int64}).drop(columns=["key", "finished", "step"]))
     if not parts:
-        return None
+        return None if wanted.empty else pd.DataFrame({"job": np.zeros(0, np.int64)})
     steps: pd.DataFrame = pd.concat(parts, ignore_index=True)
     for job, wrong in _contradictions(steps, wanted):
         name = quoted(job_in_words(rows.loc[job]))
@@ -309,9 +309,12 @@ SETTINGS = {
     },
     "settings_file": USED_FILE,
     "expected": documents.Maybe(documents.COUNT),
+    "keys": documents.Maybe([documents.TEXT]),
 }
 """Fields of the settings of a store, and the kinds of their values."""
 PART_FOLDER = "jobs"
+KEPT = 16
+"""Number of characters of the key of a job that the settings keep."""
 
 
 def is_store(path: str | None) -> bool:
@@ -346,13 +349,6 @@ class Store:
             The folder has other files, or is a store with other settings.
         """
         path = self.folder / SETTINGS_FILE
-
-        def write(settings: Mapping[str, Any]) -> None:
-            with writing(path, option("output", self.folder, short=True)) as beside:
-                beside.write_text(
-                    json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
-                )
-
         with named(option("output", self.folder, short=True), ConfigError, "cannot be written"):
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
@@ -363,14 +359,14 @@ class Store:
                     )
                 # Shards can begin at the same time. They write the same file, which is compared
                 # with the settings of each shard.
-                write(settings)
+                self._write_settings(settings)
             (self.folder / PART_FOLDER).mkdir(exist_ok=True)
         old, new = self.settings(), {**settings}
         for one in (old, new):
             one |= {f"options.{name}": value for name, value in one.pop("options").items()}
         differing = [
             f"{key} was {json.dumps(old.get(key))}, is {json.dumps(new.get(key))}"
-            for key in sorted({*old, *new} - {"version", "settings_file", "expected"})
+            for key in sorted({*old, *new} - {"version", "settings_file", "expected", "keys"})
             if old.get(key) != new.get(key)
         ]
         if differing:
@@ -378,8 +374,19 @@ class Store:
                 f"{option('output', self.folder, short=True)}: has a batch with other settings: "
                 f"{'; '.join(differing)}; name another folder"
             )
-        if old.get("expected") != new.get("expected"):  # jobs can be added
-            write({**self.settings(), "expected": new["expected"]})
+
+    def _write_settings(self, settings: Mapping[str, Any]) -> None:
+        where = option("output", self.folder, short=True)
+        with writing(self.folder / SETTINGS_FILE, where) as beside:
+            text = json.dumps(settings, indent=1, sort_keys=True)
+            beside.write_text(text + "\n", encoding="utf-8")
+
+    def expect(self, keys: Iterable[str]) -> None:
+        """Keep the keys of the jobs of the batch; rows of other jobs no longer count."""
+        own = sorted(key[:KEPT] for key in keys)
+        old = self.settings()
+        if old.get("keys") != own:
+            self._write_settings({**old, "expected": len(own), "keys": own})
 
     def unfinished(self, done: int) -> str:
         """Return a sentence if not all jobs of the batch are done, else a blank text."""
@@ -425,8 +432,9 @@ class Store:
                 if wrong:
                     raise ValueError(wrong)
             tables.append(part.select(list(known_columns(part))))
+        none = pd.DataFrame(columns=["key", "status"])
         if not tables:
-            return pd.DataFrame(columns=["key", "status"])
+            return none
         # Tables can differ in their columns: parts with only failed jobs lack some.
         with read_part(self.folder / PART_FOLDER):
             table = pa.concat_tables(tables, promote_options="permissive")
@@ -434,6 +442,10 @@ class Store:
         # If a file was changed, the job has another key. Its older row then no longer counts.
         same = [*labels, "truth", "estimate", "options"]
         latest: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
+        if (keys := self.settings().get("keys")) is not None:
+            latest = latest[latest["key"].str[:KEPT].isin(keys)]
+        if latest.empty:
+            return none
         latest["_done"] = latest["status"] == "done"
         latest = latest.sort_values(["_done", "finished"], kind="stable")
         latest = latest.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")

@@ -435,6 +435,10 @@ def rms_curves(
     notes: dict[str, list[str]] = {}
     for k, (_, group) in enumerate(grouped):
         if k not in parts:
+            if lost := int((group.reindex(columns=[store.STORED_STEPS]) > 0).sum().sum()):
+                text = f"not available: the stored steps of {counted(lost, 'run')} are lost"
+                name = "/".join(map(in_words, group.iloc[0][keys])) or "all jobs"
+                notes.setdefault(text, []).append(name)
             continue
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}

@@ -217,13 +217,17 @@ OF_THE_ESTIMATE = (
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield each parameter of the metric that differs: its name, and both values as JSON."""
+    """Yield each parameter of the metric that differs: its name, and both values as JSON.
+
+    The unit differs only if both have one.
+    """
 
     def shown(parameters: Mapping[str, object], name: str) -> str:
         there = name in parameters
         return json.dumps(parameters[name], ensure_ascii=False) if there else "not set"
 
-    for name in sorted(of_metric({**own, **other})):
+    units = ["unit"] if own.get("unit") and other.get("unit") else []
+    for name in sorted([*of_metric({**own, **other}), *units]):
         if own.get(name) != other.get(name):
             yield name, shown(own, name), shown(other, name)
 

@@ -178,6 +178,10 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     assert store.rows()[["key", "status"]].values.tolist() == [["a", "done"], ["b", "done"]]
     store.add([stored_row("c", "done", 5, **{"label.run": "b"})])  # b, with a file that has changed
     assert store.rows()["key"].tolist() == ["a", "c"]
+    store.expect(["c", "d"])
+    assert (store.rows()["key"].tolist(), store.unfinished(1)) == (["c"], "1 of 2 jobs are done")
+    store.expect(["d"])
+    assert store.rows().empty
     store.open(settings_of(5.0))
     with pytest.raises(ConfigError, match=r"options.cutoff was 5.0, is 6.0"):
         store.open(settings_of(6.0))

@@ -213,7 +213,12 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 
 
 NO_RANKING = (
-    (["moved"], "no order: the ground truth of moved, moved/result.json, has other states or ids"),
+    (
+        ["moved"],
+        "no order: the ground truth of moved, moved/result.json, has other states, ",
+    ),
+    (["later"], "states, ids or times than that of a/result.json"),
+    (["km"], 'km/result.json: cannot be ranked with m/result.json: unit is "km", but "m" there'),
     (["other"], "than that of a/result.json; evaluate all estimates on the same ground truth\n"),
     (["wide"], "a/result.json: cutoff is 6.0, but 5.0 there; switch_penalty is 2.0, but 1.0"),
     (["a.csv"], "a.csv: is not a saved result, but a is; a saved result is the result.json of"),
@@ -231,11 +236,15 @@ def test_what_cannot_be_ranked(save: Save, write: Write, invoke: Invoke) -> None
     save("moved", track(0, 1, 0), truth=TRUTH.replace("1,2,0", "1,2,0.5"))
     save("other", track(0, 1, 0), truth=TRUTH.replace("\n1,", "\n9,"))
     save("wide", track(0, 2, 0), "-c", "6", "-g", "2")
+    later = "id,t,x\n1,100,0\n1,101,0\n1,102,0\n"
+    save("later", later, truth=later)
+    for unit in ("m", "km"):
+        save(unit, track(0, 1, 0), "--unit", unit)
     for name in ("a", "b"):
         save(name, track(0, 1, 0))
     write("baseline.json", '{"schema": "tgospa-eval/baseline/1"}')
     for arguments, message in NO_RANKING:
-        answer = invoke("compare", "a", *arguments)
+        answer = invoke("compare", "m" if arguments == ["km"] else "a", *arguments)
         assert (answer.status, answer.out) == (2, ""), arguments
         assert message in answer.err
 

@@ -362,6 +362,16 @@ def test_other_parameters_are_other_groups_too() -> None:
             "no sequence has a job for each value of tracker; a has sequence=1, b does not",
         ),
         (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
+        (
+            pd.concat([table({"a": A}), table({"b": A}, cutoff=20.0)], ignore_index=True),
+            "tracker",
+            "tracker is not ranked: only a has values with cutoff ",
+        ),
+        (
+            failed(table({"a": A, "b": A}), range(8, 16)),
+            "tracker",
+            "tracker is not ranked: only a has values",
+        ),
         (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
     ],
 )

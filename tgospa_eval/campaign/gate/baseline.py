@@ -58,6 +58,8 @@ class Measured:
         Sums from which NEES is computed, if there are any.
     silent : bool
         Whether no state of the estimate was evaluated.
+    stored : bool
+        Whether the values are from a store.
     """
 
     values: Mapping[str, Value]
@@ -71,6 +73,7 @@ class Measured:
     certified: bool
     nees: NeesSums | None = None
     silent: bool = False
+    stored: bool = False
 
     @property
     def order(self) -> float:
@@ -165,6 +168,7 @@ def measured(row: Row) -> Measured:
         status=row["message"],
         certified=bool(row["certified"]),
         silent=row.get("sizes.estimate_states") == 0,
+        stored="stored" in row,
     )
 
 
@@ -183,7 +187,7 @@ def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _remedy() -> str:
-    return f"repair it, or delete it and make a new one with {option('update_baseline')}"
+    return f"repair it, or name another file, which {option('update_baseline')} makes"
 
 
 SCHEMA = "tgospa-eval/baseline/2"

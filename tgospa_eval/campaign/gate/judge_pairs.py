@@ -396,7 +396,8 @@ def _updated(
     gone = [name for name in old if name not in names and gate.chosen(name)]
     for name in gone if gate.prune else ():
         del new[name]
-    if new != old or not os.path.exists(path) or in_conflict(path):
+    merged = os.path.exists(path) and in_conflict(path)
+    if new != old or not os.path.exists(path) or merged:
         write_file(path, dump(new), option("baseline"))
     note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {source}: {note}")
@@ -411,5 +412,9 @@ def _updated(
         outcomes=tuple(outcomes),
         version=__version__,
         tally=tally,
-        notices=(*(empty if dead else ()), *_few_runs(pairs, groups, new)),
+        notices=(
+            *([f"{path}: the merge conflict is resolved by new entries"] if merged else ()),
+            *(empty if dead else ()),
+            *_few_runs(pairs, groups, new),
+        ),
     )

@@ -161,6 +161,11 @@ class Report:
         return [*messages_of(self.settings_file, warnings), *self.notices]
 
     @property
+    def warnings(self) -> list[str]:
+        """Notices that are warnings."""
+        return [text for text in self.notices if text.startswith("warning: ")]
+
+    @property
     def status(self) -> int:
         """Exit status."""
         return worst(outcome.status for outcome in self.outcomes)
@@ -316,7 +321,8 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
         yield from _parts(now.values, typical(entry))
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
-        yield f"undecided: {now.remedy}"
+        again = "; run batch with it into a new folder" if now.stored and "--" in now.remedy else ""
+        yield f"undecided: {now.remedy}{again}"
     if entry:
         yield from _against(findings, now, typical(entry))
 

@@ -125,7 +125,7 @@ def table(report: Report, width: int = table_text.WIDTH) -> str:
     lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
     notes = [line for text in notes_of(report.outcomes) for line in lay.wrap(visible(text))]
     blocks = [lay.wrap(headline(report)), lines if len(lines) > 1 else [], notes]
-    blocks += [lay.wrap(visible(text)) for text in report.messages()]
+    blocks += [lay.wrap(visible(text)) for text in report.messages() if text not in report.warnings]
     if report.advice:
         title_of = lay.wrap(visible(f"{accept_title(report)}:"))
         blocks.append([*title_of, f"  {visible(report.advice)}"])
@@ -232,7 +232,7 @@ def json_report(report: Report) -> str:
         "update": report.advice,
         **({"against": report.against} if report.against else {}),
         **settings_field(report.settings_file),
-        **({"notices": list(report.notices)} if report.notices else {}),
+        "notices": list(report.notices),
         "groups": [_pair(outcome) for outcome in report.outcomes if outcome.group],
         "pairs": [_pair(outcome) for outcome in report.outcomes if not outcome.group],
     }
@@ -390,7 +390,7 @@ def annotations(report: Report) -> Iterator[str]:
         for outcome in report.outcomes
         if outcome.status
     ]
-    warnings = []
+    warnings = [("all pairs", text.removeprefix("warning: ")) for text in report.warnings]
     for outcome in report.outcomes:
         lines = [notice.sentence for notice in outcome.warnings]
         if outcome.warned:
