@@ -502,8 +502,11 @@ PARKED = "".join(f"2,{t},0,9,4\n" for t in range(9))
         ("vis", vis(), vis(hidden="0,0"), "--estimate-where 'vis > 0'"),
         ("visibility", vis(), vis(), ""),  # hidden objects with known positions
         ("visibility", f"{vis()}{PARKED}", f"{vis()}{PARKED}", ""),  # one is always hidden
-        ("conf", vis(), vis(), "--truth-where 'conf > 0'"),
-        ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--truth-where 'iscrowd == 0'"),
+        ("conf", vis(), vis(), "--ignore conf=0"),
+        ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--ignore 'iscrowd>0'"),
+        ("ignore", vis(mark="True,False"), vis(mark="False,False"), "--ignore ignore=True"),
+        ("ignored", vis(mark="1,0"), vis(mark="0,0"), "--ignore marked"),
+        ("ignore", vis(mark="0,0"), vis(mark="1,0"), "--estimate-where 'ignore == 0'"),
     ],
 )
 def test_flags_of_rows_that_may_not_count(
@@ -512,8 +515,13 @@ def test_flags_of_rows_that_may_not_count(
     for name, table in (("t.csv", truth), ("e.csv", estimate)):
         write(name, table.replace("HEADER", header))
     answer = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json")
-    assert ("leaves them out" in answer.err) is bool(way), answer.err
-    assert f"{way} leaves them out" in answer.err or not way
+    assert ("them out" in answer.err or "at no cost" in answer.err) is bool(way), answer.err
+    assert way in answer.err
     if way:
         done = invoke("t.csv", "e.csv", "-c", "5", "-g", "2", "--format", "json", *shlex.split(way))
-        assert f"3 rows left out by {way.split()[0]}" in done.err
+        if "where" in way:
+            assert f"3 rows left out by {way.split()[0]}" in done.err
+        else:
+            found = json.loads(done.out)
+            counts = found["ignored"]
+            assert (counts["truth_states"], counts["absorbed"], found["tgospa"]) == (3, 3, 0)

@@ -23,6 +23,7 @@ from tgospa_eval.formats.roles import FLAG, Roles
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids, spacings
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
+from tgospa_eval.tracks.coverage import IGNORED, MARKED
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         if values.dtype == object:  # True and False
             names = {"true": 1.0, "false": 0.0}
             values = np.array([names.get(str(one).casefold(), np.nan) for one in values.tolist()])
-        off = mask & ((values == 0) != bool(match["mark"])) & (values == values)
+        off = mask & ((values > 0) if match["mark"] else (values == 0))
         at = np.flatnonzero(off)
         if not 0 < len(at) < np.count_nonzero(mask):
             continue
@@ -200,6 +201,12 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         if values is not rows.attributes[column]:
             test = f"== {rows.attributes[column][mask & ~off][0]}"
         remedy = f"{ask(f'{side}where', [f'{header} {test}'])} leaves them out"
+        if side == "truth_" and (match["mark"] or match["score"]):
+            rule = ">0" if match["mark"] else "=0"
+            if values is not rows.attributes[column]:
+                rule = f"={rows.attributes[column][at[0]]}"
+            rule = MARKED if header == IGNORED else f"{header}{rule}"
+            remedy = f"{ask('ignore', [rule])} lets tracks follow them at no cost"
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
             yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")

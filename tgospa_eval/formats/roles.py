@@ -509,11 +509,11 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 FLAG = re.compile(
-    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
+    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
 )
 """Pattern of headers of columns that may say which rows do not count.
 
-A row seems not to count if its mark (``iscrowd``, ``ignore``) is not 0, or if its score or
+A row seems not to count if its mark (``iscrowd``, ``ignore``) is above 0, or if its score or
 visibility is 0."""
 
 
