@@ -94,6 +94,20 @@ def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
     assert evaluate(truth, table, **given).total == pytest.approx(200, rel=1e-4)
 
 
+def test_blank_rows_of_spreadsheets(invoke: Invoke) -> None:
+    lines = ["id,t,x,y", "1,0,2,3", ",,,", "1,1,2,4", ",,,"]
+    path = write("blank.csv", lines)
+    assert "blank.csv: 2 blank rows passed over" in invoke(path, path, *METRIC).err
+    answer = evaluate(path, pd.read_csv(path), cutoff=20, switch_penalty=5)
+    assert answer.total == 0
+    assert "estimate: 2 blank rows passed over" in answer.notices
+    answer = invoke(path, write("wrong.csv", [*lines, ",,3,4", ",5,,"]), *METRIC)
+    assert 'line 6, column "id": blank id (and 1 more)' in answer.err
+    wide = write("wide.csv", ["t,x1,y1", "0,2,3", ",,", "1,2,4"])
+    answer = invoke(path, wide, *METRIC, "--estimate-columns", "x=x{id},y=y{id}")
+    assert total(answer) == 0
+
+
 def test_an_id_that_is_nan_names_nothing(invoke: Invoke) -> None:
     lines = [f"{t},{k},9,{t},50,40,1,-1,-1,-1" for t in range(1, 4) for k in (1, "nan")]
     path = write("mot.txt", lines)
