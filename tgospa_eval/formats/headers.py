@@ -458,16 +458,17 @@ class Headers:
             return
         position = self.find(name)
         candidates = [self.names[k] for k in self.places(name) if k != position]
-        candidates += self.directions if name == "id" else []
+        header = "" if position is None else self.names[position]
+        if name == "id" and not AIRCRAFT_OR_SHIP.fullmatch(header):
+            candidates += self.directions
         candidates = [header for header in candidates if header in unused]
         stamp = two_parts_of_a_stamp(unused) if name == "t" else None
         if stamp is not None:
             candidates = ["+".join(stamp)]
-        if position is not None and candidates:
+        if header and candidates:
             passed = " or ".join(map(quoted, candidates))
             remedy = ask(self.option, [f"{name}={candidates[0]}"])
-            taken = quoted(self.names[position])
-            yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
+            yield f"{name} is read from {quoted(header)}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
         """Return the positions of headers that are aliases of a column, the usual alias first."""
