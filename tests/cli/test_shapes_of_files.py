@@ -320,6 +320,10 @@ def by_frame(side: str, key: str) -> list[dict[str, Any]]:
 
 NESTED = {
     "a list a frame": lambda side: json.dumps(by_frame(side, "objects")),
+    "a list beside other values": lambda side: json.dumps(
+        {"meta": {"fps": 10}, "frames": by_frame(side, "tracks")}
+    ),
+    "lists in one list": lambda side: json.dumps({"all": by_frame(side, "tracks")}),
     "lines": lambda side: "\n".join(map(json.dumps, by_frame(side, "tracks"))),
     "by frame": lambda side: json.dumps({r["frame"]: r["all"] for r in by_frame(side, "all")}),
     "by object": lambda side: json.dumps(
@@ -332,6 +336,12 @@ NESTED = {
         ]
     ),
 }
+
+
+for orient in ("split", "index", "table"):
+    NESTED[orient] = lambda side, orient=orient: pd.DataFrame(
+        states(side), columns=["id", "t", "x", "y"]
+    ).to_json(orient=orient)
 
 
 @pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
@@ -401,6 +411,8 @@ def test_coco(invoke: Invoke) -> None:
         ([{"id": 1, "frame": 0, "bbox": [1, 2, 3, 4]}], "no column for position"),
         ([{"id": "\ud800", "t": 0, "x": 1}], "a text with half a character"),
         ([{"id": 1, "t": 0, "x": 1}, 7], "JSON, not a table"),
+        ({"tracks": {"1": {"0": [2, 3]}}}, 'a list of records, such as [{"id": 1, "t": 0,'),
+        ({"1": {"0": [2, 3]}, "2": {"0": {"x": 2}}}, "JSON, not a table"),
         (
             [{"id": 1, "t": 0, "x": [1, 2]}, {"id": 1, "t": 1, "x": 2}],
             'record 1, column "x": a value',
