@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted, more
+from tgospa_eval.common.words import counted, more, plain
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
 from tgospa_eval.formats.headers import GROUP, ask, parse_columns
@@ -182,9 +182,8 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
-    """Yield notices about rows that count, although an unused column may mark them as excluded."""
-    roles = rows.roles
-    side = roles.options.option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+    """Yield notices about rows that count, although they may be marked as excluded or unknown."""
+    roles, side = rows.roles, _side(rows)
     for column in roles.flags:
         values, header = rows.attributes.get(column), roles.headers[column]
         match = FLAG.fullmatch(header)
@@ -218,6 +217,59 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
             place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
             text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
             yield Notice(code="not-visible", text=text, remedy=remedy)
+            return
+    if rows.whole:
+        yield from _about_places(rows, mask)
+
+
+def _side(rows: Rows) -> str:
+    """Return the beginning of the names of the options of this side; blank for a single table."""
+    option = rows.roles.options.option
+    return option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+
+
+LEAP = 5.0
+"""Multiple of a usual displacement between consecutive rows of a track, see `_about_places`."""
+
+
+def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
+    """Yield a warning if some rows seem to have a mark, such as -1,-1, instead of a position.
+
+    All columns of the position have one number in these rows, and their tracks jump there and back.
+    """
+    roles, track = rows.roles, rows.ids[1]
+    columns = list(dict.fromkeys(column for mix in roles.state[:2] for column, _ in mix))
+    first, *others = (rows.numbers[:, roles.numbers.index(column)] for column in columns)
+    alike = np.logical_and.reduce([mask, *(first == other for other in others)])
+    if np.count_nonzero(alike) < 2 or not others or not roles.headers:
+        return
+    place = np.column_stack((first, *others))
+    values, counts = np.unique(first[alike], return_counts=True)
+    value = values[counts.argmax()]
+    off = alike & (first == value)
+    order = np.flatnonzero(mask & np.isin(track, track[off]))
+    order = order[np.lexsort((rows.times.value[order], track[order]))]
+    own = np.diff(track[order]) == 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        moves = np.linalg.norm(np.diff(place[order], axis=0), axis=1)
+    before, after = off[order][:-1], off[order][1:]
+    usual, leaps = moves[own & ~before & ~after & (moves > 0)], moves[own & (before != after)]
+    if not np.isin(track[off], track[mask & ~off]).all():
+        return
+    # An object at rest may be there, and leave once. So one at rest must jump there and back.
+    fewest = 2 if len(usual) else len(np.unique(track[off])) + 1
+    largest = np.quantile(usual, 0.9) if len(usual) else 0.0
+    if len(leaps) >= fewest and np.median(leaps) > LEAP * largest:
+        count = np.count_nonzero((place == value)[mask], axis=0)
+        number, header = plain(float(value)), roles.headers[columns[int(count.argmin())]]
+        header = header if header.isidentifier() else f'"{header}"'
+        remedy = ask(f"{_side(rows)}where", [f"{header} != {number}"])
+        yield Notice(
+            code="no-place",
+            text=f"{counted(int(off.sum()), 'row is', 'rows are')} at {number},{number}, far from "
+            "the other rows of their tracks, as of an unknown position",
+            remedy=f"{remedy} leaves them out",
+        )
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
