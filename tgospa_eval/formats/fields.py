@@ -322,7 +322,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = reading_of(text) or "write a number or an ISO-8601 time"
             if with_unit := WITH_UNIT.fullmatch(text):
                 remedy = unit_in_header(with_unit[1])
-            remedy += f"; {remedy_for(text)}" if "," in text or not text.isascii() else ""
+            remedy += f"; {remedy_for(text)}" if re.search(r",|[^\D0-9]", text) else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
     for row, text in enumerate(texts):
@@ -429,7 +429,7 @@ def remedy_for(text: str) -> str:
         return f"write {rewritten}"
     if THOUSANDS.fullmatch(text) and not re.fullmatch(r"\s*[-+]?\d+[.,]\d+\s*", text):
         return "write it without thousands separators"
-    if any(letter.isdecimal() and not letter.isascii() for letter in text):
+    if re.search(r"[^\D0-9]", text):
         return "write the digits 0 to 9"
     if DEGREES.fullmatch(text) and re.search("[°ºNSEWnsew]|\\d .*\\d ", text):
         parts = map(float, re.findall(r"\d+\.?\d*", text))
