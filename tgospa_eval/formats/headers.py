@@ -683,6 +683,10 @@ def absent(
         also = f"; if each file has one object, add a column id with the name of the object{also}"
     if "id" in missing and headers.directions:
         also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
+    side = (headers.option or headers.where).partition("_")[0].partition(",")[0]
+    if side in SIDES and {"lat", "lon"} <= {*missing} and headers.places("x"):
+        crs, distance = option(f"{side}_crs", "EPSG:CODE"), option("distance")
+        also += f"; if x,y are of a map, give {crs} (a run without {distance} may name the code)"
     pairs = headers.pairs(used) if "position" in missing else []
     if len(pairs) > 1:
         also += f"; positions may be {' or '.join(','.join(pair.values()) for pair in pairs)}"
