@@ -146,7 +146,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         trajectories=trajectories,
         rows=len(state),
         notices=(
-            *roles.notices(clouds=clouds is not None),
+            *_notices(rows, clouds=clouds is not None),
             *([centres_compared()] if roles.centres else ()),
             *choice.notices,
         ),
@@ -166,6 +166,18 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         units=roles.units,
         regions=_regions(rows, state) if options.regions else None,
     )
+
+
+def _notices(rows: Rows, *, clouds: bool) -> Iterator[str]:
+    """Yield the notices of the roles, without that on another column with the same ids."""
+    same, other = False, rows.roles.other_id
+    if other is not None and other in rows.attributes and len(rows.roles.other_ids) == 1:
+        of_other, code = np.unique(rows.attributes[other].astype(np.str_), return_inverse=True)
+        pairs = np.unique(rows.ids[1] * len(of_other) + code)
+        same = len(pairs) == len(of_other) == len(rows.ids[0])
+    for notice in rows.roles.notices(clouds=clouds):
+        if not (same and notice.startswith("id is read from")):
+            yield notice
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
