@@ -90,6 +90,11 @@ def csv_of(header: str, row: str, above: str = "", below: str = "") -> Callable[
             id="index of pandas",
         ),
         pytest.param(
+            csv_of("id,t,x,y,,", "{k},{t},{x},{y},,"),
+            "columns not used: column 5 (blank header), column 6 (blank header)",
+            id="commas at the ends",
+        ),
+        pytest.param(
             csv_of(",frame,id,x,y", "{t},{t},{k},{x},{y}", below=",-,-,m,m"),
             "1 line of units or names below the header passed over",
             id="blank units",
@@ -127,6 +132,7 @@ def test_the_header_that_looks_like_a_comment_is_named_in_the_message(invoke: In
         ("id,t,x,y\na,0,two,three\na,1,2,3\n", "line 2, column"),
         ("id,t,,x\na,0,1,2\n", "column 3 has no name"),
         ("title\nid,place,t\na,1,2\n", "line 2: no column for position"),
+        ("id,t,Local_X,Local_Y\na,0,1,2\n", "--columns x=Local_X,y=Local_Y"),
         ("who,when\nid,t\n" * 9, "line 1: no column for"),
     ],
 )

@@ -282,7 +282,12 @@ HINTS = {
 }
 """Patterns of headers that may be ids or times, although they are no aliases; for suggestions."""
 
-AXIS_PAIRS = {("x", "y"): "xy", ("east", "north"): "xy", ("lat", "lon"): ("lat", "lon")}
+AXIS_PAIRS = {
+    ("x", "y"): "xy",
+    ("X", "Y"): "xy",
+    ("east", "north"): "xy",
+    ("lat", "lon"): ("lat", "lon"),
+}
 """Names for the two columns of a position, by the parts in which the two headers differ.
 
 For example, ``pos_east`` and ``pos_north`` are x and y."""
