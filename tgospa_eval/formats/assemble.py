@@ -251,11 +251,11 @@ def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
     """
     roles, track = rows.roles, rows.ids[1]
     columns = list(dict.fromkeys(column for mix in roles.state[:2] for column, _ in mix))
-    first, *others = (rows.numbers[:, roles.numbers.index(column)] for column in columns)
-    alike = np.logical_and.reduce([mask, *(first == other for other in others)])
-    if np.count_nonzero(alike) < 2 or not others or not roles.headers:
+    first, *rest = (rows.numbers[:, roles.numbers.index(column)] for column in columns)
+    alike = np.logical_and.reduce([mask, *(first == other for other in rest)])
+    if np.count_nonzero(alike) < 2 or not rest or not roles.headers:
         return
-    place = np.column_stack((first, *others))
+    place = np.column_stack((first, *rest))
     values, counts = np.unique(first[alike], return_counts=True)
     value = values[counts.argmax()]
     off = alike & (first == value)
@@ -265,12 +265,12 @@ def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
     with np.errstate(over="ignore", invalid="ignore"):
         moves = np.linalg.norm(np.diff(place[order], axis=0), axis=1)
     before, after = off[order][:-1], off[order][1:]
-    usual, leaps = moves[own & ~before & ~after & (moves > 0)], moves[own & (before != after)]
+    moving, leaps = moves[own & ~before & ~after & (moves > 0)], moves[own & (before != after)]
     if not np.isin(track[off], track[mask & ~off]).all():
         return
     # An object at rest may be there, and leave once. So one at rest must jump there and back.
-    fewest = 2 if len(usual) else len(np.unique(track[off])) + 1
-    largest = np.quantile(usual, 0.9) if len(usual) else 0.0
+    fewest = 2 if len(moving) else len(np.unique(track[off])) + 1
+    largest = np.quantile(moving, 0.9) if len(moving) else 0.0
     if len(leaps) >= fewest and np.median(leaps) > LEAP * largest:
         count = np.count_nonzero((place == value)[mask], axis=0)
         number, header = plain(float(value)), roles.headers[columns[int(count.argmin())]]

@@ -425,8 +425,8 @@ def _without_blank_rows(fields: Fields, roles: Roles) -> tuple[Fields, Roles]:
     columns = [fields.coded[roles.id], *fields.coded.values()]  # hardly an id is blank
     empty = np.ones(len(fields.values), bool)
     empty[[row for _, row, _ in fields.mistakes]] = False
-    for column in columns:
-        empty &= np.array([not text.strip() for text in column.distinct], bool)[column.code]
+    for texts in columns:
+        empty &= np.array([not text.strip() for text in texts.distinct], bool)[texts.code]
         if not empty.any():
             return fields, roles
     empty &= np.isnan(fields.values).all(axis=1)
