@@ -94,6 +94,20 @@ def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
     assert evaluate(truth, table, **given).total == pytest.approx(200, rel=1e-4)
 
 
+def test_blank_rows_of_spreadsheets(invoke: Invoke) -> None:
+    lines = ["id,t,x,y", "1,0,2,3", ",,,", "1,1,2,4", ",,,"]
+    path = write("blank.csv", lines)
+    assert "blank.csv: 2 blank rows passed over" in invoke(path, path, *METRIC).err
+    answer = evaluate(path, pd.read_csv(path), cutoff=20, switch_penalty=5)
+    assert answer.total == 0
+    assert "estimate: 2 blank rows passed over" in answer.notices
+    answer = invoke(path, write("wrong.csv", [*lines, ",,3,4", ",5,,"]), *METRIC)
+    assert 'line 6, column "id": blank id (and 1 more)' in answer.err
+    wide = write("wide.csv", ["t,x1,y1", "0,2,3", ",,", "1,2,4"])
+    answer = invoke(path, wide, *METRIC, "--estimate-columns", "x=x{id},y=y{id}")
+    assert total(answer) == 0
+
+
 def test_an_id_that_is_nan_names_nothing(invoke: Invoke) -> None:
     lines = [f"{t},{k},9,{t},50,40,1,-1,-1,-1" for t in range(1, 4) for k in (1, "nan")]
     path = write("mot.txt", lines)
@@ -133,7 +147,8 @@ def test_an_id_beside_another_id(invoke: Invoke, other: str, ids: str) -> None:
     if ids == "none":
         assert f'{remedy} reads the ids of "{other}"' in answer.err
     else:
-        assert f'id is read from "id", not from "{other}"; {remedy} reads that' in answer.err
+        notice = f'id is read from "id", not from "{other}"; {remedy} reads that'
+        assert (notice in answer.err) == (ids != "tracks")
         assert (text in answer.err) == (total(answer) > 0) == (ids != "tracks")
     answer = invoke(truth, estimate, *METRIC, *remedy.split())
     assert (total(answer), "may number" in answer.err) == (0, False)
@@ -296,8 +311,14 @@ def test_times_before_ids(invoke: Invoke, header: str) -> None:
         ("t,id,x,y", "1,a,0x10,3", "; write 16"),
         ("t,id,x,y", "1,a,4D-1,3", "; write 4e-1"),
         ("t,id,x,y", "1,a,1_000,3", "; write 1000"),
-        ("t,id,lat,lon", "1,a,55.1N,12.5E", "write degrees north and east, 55.1"),
-        ("t,id,lat,lon", "1,a,55.1S,12.5W", "write degrees north and east, -55.1"),
+        ("t,id,lat,lon", "1,a,55.1N,12.5E", "write decimal degrees north and east, 55.1"),
+        ("t,id,lat,lon", "1,a,55.1S,12.5W", "write decimal degrees north and east, -55.1"),
+        ("t;id;lat;lon", "1;a;48°00'36\"S;12.5", "write decimal degrees north and east, -48.01"),
+        ("t,id,lat,lon", "1,a,N 48°30.6',12.5", "write decimal degrees north and east, 48.51"),
+        ("t,id,lat,lon", "1,a,48 30 36,12.5", "write decimal degrees north and east, 48.51"),
+        ("t,id,lat,lon", "1,a,\u0664\u0668.\u0661,12.5", "write the digits 0 to 9"),
+        ("t,id,lat,lon", "\u0664,a,48.1,12.5", "write the digits 0 to 9"),
+        ("t,id,x", "1,a,1.2.3", "use one decimal mark (--decimal) and no thousands separator"),
         ("t,id,x,y", "23:59:58,a,2,3", "'%H:%M:%S' with --truth-time-format"),
         ("gameId,playId,nflId,t,x,y", "7,1,99,1,2,3", "--columns id=nflId"),
     ],

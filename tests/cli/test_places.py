@@ -195,6 +195,29 @@ def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
     assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
 
 
+@pytest.mark.parametrize("cutoff", [3000, 5000, 20000])
+@pytest.mark.parametrize("header", ["baro_altitude", "geoaltitude"])
+def test_feet_below_a_large_cutoff(invoke: Any, cutoff: int, header: str) -> None:
+    def write(name: str, low: float, *, unit: float = 1, noise: float = 0) -> str:
+        rows = [
+            f"{k},{t},{48 + t / 1000},{11 + k / 20},{unit * low * (1 + k / 5) + noise * (-1) ** t}"
+            for t in range(20)
+            for k in range(3)
+        ]
+        Path(name).write_text("\n".join((f"id,t,lat,lon,{header}", *rows)))
+        return name
+
+    truth, feet = write("gt.csv", 1000), write("feet.csv", 1000, unit=1 / 0.3048)
+    metric = ("--distance", "geodesic", "-c", str(cutoff), "-g", "100")
+    assert "or use --estimate-scale alt=0.3048\n" in invoke(truth, feet, *metric).err
+    answer = invoke(truth, feet, *metric, "--estimate-scale", "alt=0.3048")
+    assert "RMS error 0," in answer.out.replace("\n", " ")
+    noisy = write("noisy.csv", 1000, noise=900)
+    low, wide = write("low.csv", 1), write("wide.csv", 1, noise=900)
+    assert "feet" not in invoke(truth, noisy, *metric).err
+    assert "feet" not in invoke(low, wide, *metric).err
+
+
 @pytest.mark.parametrize("header", ["alt", "altitude", "hae", "z"])
 @pytest.mark.parametrize("role", ["truth", "estimate"])
 def test_feet_are_converted_to_metres_without_named_columns(
@@ -252,6 +275,8 @@ def test_a_remedy_for_axes_units_or_a_zone_works(invoke: Any) -> None:
     utm = write(
         "utm.csv", "x,y", {k: zone.transform(lon, lat) for k, (lat, lon, _) in earth.items()}
     )
+    answer = invoke(truth, utm, *metric)
+    assert "if x,y are of a map, give --estimate-crs EPSG:CODE (a run without" in answer.err
     answer = invoke(truth, utm, *metric[:4])
     assert "--estimate-crs EPSG:32633 and --distance geodesic" in answer.err
     answer = invoke(truth, utm, *metric, "--estimate-crs", "EPSG:32633")

@@ -105,6 +105,39 @@ def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     assert "warning: b.csv: x, y: the same in all rows, as of an unknown position" in answer.err
 
 
+@pytest.mark.parametrize("mark", [-1, 0, -999, -9999, 9999, -32768, 99999])
+@pytest.mark.parametrize("header", ["id,t,x,y", "id,t,Pos X,Pos Y"])
+def test_a_mark_in_some_rows_is_no_place(invoke: Invoke, mark: int, header: str) -> None:
+    rows = [(k, t, 50 + 10 * k + t, 70 + 2 * t) for t in range(6) for k in range(4)]
+    at = "x" if header.endswith("x,y") else '"Pos X"'
+    columns = ("--columns", "x=Pos X,y=Pos Y") if '"' in at else ()
+    options = "-c", "5", "-g", "1", *columns
+    write("a.csv", header, rows)
+    marked = [(k, t, *([mark] * 2 if (k + t) % 3 == 0 else (x, y))) for k, t, x, y in rows]
+    write("b.csv", header, marked)
+    answer = invoke("a.csv", "b.csv", *options)
+    way = f"{at} != {mark}"
+    assert f"warning: b.csv: 8 rows are at {mark},{mark}, far from" in answer.err
+    assert f"--estimate-where '{way}' leaves them out" in answer.err
+    answer = invoke("a.csv", "b.csv", *options, "--estimate-where", way)
+    assert "0 false" in answer.out.replace("\n", " ")
+    assert "far from" not in answer.err
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        lambda k, t: (t * (k - 2), t * (3 - k)),  # all begin at the origin
+        lambda k, t: (t + k, t + k),  # all move along one line
+        lambda k, t: (0, 0) if t < 9 else (t - 8, k),  # parked at the origin
+        lambda k, t: (0, 0) if k == 0 else (t - 9, k),  # the sensor itself
+    ],
+)
+def test_places_at_the_origin_are_no_marks(invoke: Invoke, place: Any) -> None:
+    write("a.csv", "id,t,x,y", [(k, t, *place(k, t)) for t in range(18) for k in range(4)])
+    assert "unknown position" not in invoke("a.csv", "a.csv", "-c", "5", "-g", "1").err
+
+
 def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
     write("gt.csv", "id,t,x,y", [(k, f, x, y) for f, k, x, y, *_ in boxes()])
     write("res.csv", "frame,id,left,top,width,height,x,y", [(*row, -1, -1) for row in boxes()])

@@ -469,7 +469,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         values = dict(zip(head, row, strict=True))
         job = Job(
             labels={
-                name: text.strip()
+                name: text.strip() or '""'
                 for name, text in values.items()
                 if name not in (*PATHS, *options)
             },

@@ -23,6 +23,7 @@ from tgospa_eval.formats.roles import FLAG, Roles
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids, spacings
 from tgospa_eval.quoting import option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
+from tgospa_eval.tracks.coverage import IGNORED, MARKED
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         trajectories=trajectories,
         rows=len(state),
         notices=(
-            *roles.notices(clouds=clouds is not None),
+            *_notices(rows, clouds=clouds is not None),
             *([centres_compared()] if roles.centres else ()),
             *choice.notices,
         ),
@@ -167,6 +168,18 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     )
 
 
+def _notices(rows: Rows, *, clouds: bool) -> Iterator[str]:
+    """Yield the notices of the roles, without that on another column with the same ids."""
+    same, other = False, rows.roles.other_id
+    if other is not None and other in rows.attributes and len(rows.roles.other_ids) == 1:
+        of_other, code = np.unique(rows.attributes[other].astype(np.str_), return_inverse=True)
+        pairs = np.unique(rows.ids[1] * len(of_other) + code)
+        same = len(pairs) == len(of_other) == len(rows.ids[0])
+    for notice in rows.roles.notices(clouds=clouds):
+        if not (same and notice.startswith("id is read from")):
+            yield notice
+
+
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
     """Append the class to all ids, if several classes have the same id at one step."""
     assert rows.classes is not None
@@ -181,9 +194,8 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
 
 
 def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
-    """Yield notices about rows that count, although an unused column may mark them as excluded."""
-    roles = rows.roles
-    side = roles.options.option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+    """Yield notices about rows that count, although they may be marked as excluded or unknown."""
+    roles, side = rows.roles, _side(rows)
     for column in roles.flags:
         values, header = rows.attributes.get(column), roles.headers[column]
         match = FLAG.fullmatch(header)
@@ -192,7 +204,7 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         if values.dtype == object:  # True and False
             names = {"true": 1.0, "false": 0.0}
             values = np.array([names.get(str(one).casefold(), np.nan) for one in values.tolist()])
-        off = mask & ((values == 0) != bool(match["mark"])) & (values == values)
+        off = mask & ((values > 0) if match["mark"] else (values == 0))
         at = np.flatnonzero(off)
         if not 0 < len(at) < np.count_nonzero(mask):
             continue
@@ -200,6 +212,12 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         if values is not rows.attributes[column]:
             test = f"== {rows.attributes[column][mask & ~off][0]}"
         remedy = f"{ask(f'{side}where', [f'{header} {test}'])} leaves them out"
+        if side == "truth_" and (match["mark"] or match["score"]):
+            rule = ">0" if match["mark"] else "=0"
+            if values is not rows.attributes[column]:
+                rule = f"={rows.attributes[column][at[0]]}"
+            rule = MARKED if header == IGNORED else f"{header}{rule}"
+            remedy = f"{ask('ignore', [rule])} lets tracks follow them at no cost"
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
             yield Notice(text=f"rows whose {quoted(header)} is {flag} count; {remedy}")
@@ -211,6 +229,59 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
             place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
             text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
             yield Notice(code="not-visible", text=text, remedy=remedy)
+            return
+    if rows.whole:
+        yield from _about_places(rows, mask)
+
+
+def _side(rows: Rows) -> str:
+    """Return the beginning of the names of the options of this side; blank for a single table."""
+    option = rows.roles.options.option
+    return option.removesuffix("columns") or f"{rows.name}_" * (rows.name in ROLES)
+
+
+LEAP = 5.0
+"""Multiple of a usual displacement between consecutive rows of a track, see `_about_places`."""
+
+
+def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
+    """Yield a warning if some rows seem to have a mark, such as -1,-1, instead of a position.
+
+    All columns of the position have one number in these rows, and their tracks jump there and back.
+    """
+    roles, track = rows.roles, rows.ids[1]
+    columns = list(dict.fromkeys(column for mix in roles.state[:2] for column, _ in mix))
+    first, *rest = (rows.numbers[:, roles.numbers.index(column)] for column in columns)
+    alike = np.logical_and.reduce([mask, *(first == other for other in rest)])
+    if np.count_nonzero(alike) < 2 or not rest or not roles.headers:
+        return
+    place = np.column_stack((first, *rest))
+    values, counts = np.unique(first[alike], return_counts=True)
+    value = values[counts.argmax()]
+    off = alike & (first == value)
+    order = np.flatnonzero(mask & np.isin(track, track[off]))
+    order = order[np.lexsort((rows.times.value[order], track[order]))]
+    own = np.diff(track[order]) == 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        moves = np.linalg.norm(np.diff(place[order], axis=0), axis=1)
+    before, after = off[order][:-1], off[order][1:]
+    moving, leaps = moves[own & ~before & ~after & (moves > 0)], moves[own & (before != after)]
+    if not np.isin(track[off], track[mask & ~off]).all():
+        return
+    # An object at rest may be there, and leave once. So one at rest must jump there and back.
+    fewest = 2 if len(moving) else len(np.unique(track[off])) + 1
+    largest = np.quantile(moving, 0.9) if len(moving) else 0.0
+    if len(leaps) >= fewest and np.median(leaps) > LEAP * largest:
+        count = np.count_nonzero((place == value)[mask], axis=0)
+        number, header = plain(float(value)), roles.headers[columns[int(count.argmin())]]
+        header = header if header.isidentifier() else f'"{header}"'
+        remedy = ask(f"{_side(rows)}where", [f"{header} != {number}"])
+        yield Notice(
+            code="no-place",
+            text=f"{counted(int(off.sum()), 'row is', 'rows are')} at {number},{number}, far from "
+            "the other rows of their tracks, as of an unknown position",
+            remedy=f"{remedy} leaves them out",
+        )
 
 
 NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")

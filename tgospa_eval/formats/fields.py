@@ -322,7 +322,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = reading_of(text) or "write a number or an ISO-8601 time"
             if with_unit := WITH_UNIT.fullmatch(text):
                 remedy = unit_in_header(with_unit[1])
-            remedy += f"; {remedy_for(text)}" if "," in text else ""
+            remedy += f"; {remedy_for(text)}" if re.search(r",|[^\D0-9]", text) else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
     for row, text in enumerate(texts):
@@ -409,7 +409,8 @@ BLANK = "leave it blank where the object is absent"
 
 WITH_UNIT = re.compile(r"\s*([-+]?[\d.]*\d)\s*([A-Za-z°µ]+)\s*")
 THOUSANDS = re.compile(r"\s*[-+]?\d{1,3}([.,' \xa0\u202f])\d{3}(?:\1\d{3})*([.,]\d+)?\s*")
-"""Patterns of a number with its unit, and of a number with separators of thousands."""
+DEGREES = re.compile(r"\s*[NSEWnsew]?\s*[-+]?(\d{1,9}(\.\d+)?[°ºd:'′’\"″”\s]*){1,3}[NSEWnsew]?\s*")
+"""Patterns of a number with its unit, with separators of thousands, and of degrees with minutes."""
 
 
 def unit_in_header(number: str) -> str:
@@ -428,9 +429,13 @@ def remedy_for(text: str) -> str:
         return f"write {rewritten}"
     if THOUSANDS.fullmatch(text) and not re.fullmatch(r"\s*[-+]?\d+[.,]\d+\s*", text):
         return "write it without thousands separators"
-    if with_words and with_words[2] in "NSEWnsew":
-        sign = "-" if with_words[2] in "SWsw" else ""
-        return f"write degrees north and east, {sign}{with_words[1]}"
+    if re.search(r"[^\D0-9]", text):
+        return "write the digits 0 to 9"
+    if DEGREES.fullmatch(text) and re.search("[°ºNSEWnsew]|\\d .*\\d ", text):
+        parts = map(float, re.findall(r"\d+\.?\d*", text))
+        degrees = sum(part / 60**k for k, part in enumerate(parts))
+        sign = "-" if re.search("[-SWsw]", text) else ""
+        return f"write decimal degrees north and east, {sign}{degrees:.10g}"
     if with_words:
         return unit_in_header(with_words[1])
     if "," in text and text.count(",") == 1:

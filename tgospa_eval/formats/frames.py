@@ -49,6 +49,7 @@ from tgospa_eval.formats.rows import (
     name_objects,
     named_ids,
     numbered,
+    without_blank,
     without_ids,
 )
 from tgospa_eval.formats.text.lines import check_text, decode, lines_of, numbers
@@ -118,6 +119,14 @@ def frame_rows(
         A value is not a number, id or time as its column requires, or is infinite.
     """
     where = where or f"{name}, row {{}}".format
+    empty = frame.iloc[:, roles.id].isna().to_numpy()
+    if empty.any():  # hardly an id is blank
+        empty = frame.iloc[:, roles.used].isna().all(axis=1).to_numpy()
+        kept, place = np.flatnonzero(~empty), where
+        roles, frame = without_blank(roles, int(empty.sum())), frame.iloc[kept]
+
+        def where(row: int) -> str:
+            return place(int(kept[row]))
 
     def named(column: int, wanted: str) -> Coded:
         with _placed(frame.iloc[:, column], where):
@@ -454,9 +463,10 @@ def _table(path: str, rows: Iterable[list[str]], first: int, names: Sequence[str
     """
     kept, places = [], []
     for line, row in enumerate(rows, start=first):
-        if len(row) == len(names):
+        is_blank = not any(map(str.strip, row))
+        if len(row) == len(names) and not is_blank:
             kept.append(row)
             places.append(f"line {line}")
-        elif any(map(str.strip, row)) and not row[0].lstrip().startswith(COMMENTS):
+        elif not is_blank and not row[0].lstrip().startswith(COMMENTS):
             raise InputError(f"{path}, line {line}: {len(row)} fields, the header has {len(names)}")
     return pd.DataFrame(kept, columns=list(names), index=places)

@@ -295,8 +295,8 @@ def foreign(line: str) -> str:
         return "a comment where the header should be; begin the file with id,t,x,y"
     if line[:1] in ("{", "["):
         return (
-            "JSON, not a table; write its records as CSV, in Python with "
-            "pandas.DataFrame(records).to_csv(FILE, index=False)"
+            "JSON, not a table; write a CSV file, or JSON with a list of records, "
+            'such as [{"id": 1, "t": 0, "x": 2.5, "y": 4}]'
         )
     if line.startswith("<"):
         return "XML or HTML, not a table; write a CSV file with the header id,t,x,y"

@@ -282,7 +282,12 @@ HINTS = {
 }
 """Patterns of headers that may be ids or times, although they are no aliases; for suggestions."""
 
-AXIS_PAIRS = {("x", "y"): "xy", ("east", "north"): "xy", ("lat", "lon"): ("lat", "lon")}
+AXIS_PAIRS = {
+    ("x", "y"): "xy",
+    ("X", "Y"): "xy",
+    ("east", "north"): "xy",
+    ("lat", "lon"): ("lat", "lon"),
+}
 """Names for the two columns of a position, by the parts in which the two headers differ.
 
 For example, ``pos_east`` and ``pos_north`` are x and y."""
@@ -458,16 +463,17 @@ class Headers:
             return
         position = self.find(name)
         candidates = [self.names[k] for k in self.places(name) if k != position]
-        candidates += self.directions if name == "id" else []
+        header = "" if position is None else self.names[position]
+        if name == "id" and not AIRCRAFT_OR_SHIP.fullmatch(header):
+            candidates += self.directions
         candidates = [header for header in candidates if header in unused]
         stamp = two_parts_of_a_stamp(unused) if name == "t" else None
         if stamp is not None:
             candidates = ["+".join(stamp)]
-        if position is not None and candidates:
+        if header and candidates:
             passed = " or ".join(map(quoted, candidates))
             remedy = ask(self.option, [f"{name}={candidates[0]}"])
-            taken = quoted(self.names[position])
-            yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
+            yield f"{name} is read from {quoted(header)}, not from {passed}; {remedy} reads that"
 
     def places(self, name: str) -> list[int]:
         """Return the positions of headers that are aliases of a column, the usual alias first."""
@@ -682,6 +688,10 @@ def absent(
         also = f"; if each file has one object, add a column id with the name of the object{also}"
     if "id" in missing and headers.directions:
         also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
+    side = (headers.option or headers.where).partition("_")[0].partition(",")[0]
+    if side in SIDES and {"lat", "lon"} <= {*missing} and headers.places("x"):
+        crs, distance = option(f"{side}_crs", "EPSG:CODE"), option("distance")
+        also += f"; if x,y are of a map, give {crs} (a run without {distance} may name the code)"
     pairs = headers.pairs(used) if "position" in missing else []
     if len(pairs) > 1:
         also += f"; positions may be {' or '.join(','.join(pair.values()) for pair in pairs)}"

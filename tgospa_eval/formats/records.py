@@ -56,10 +56,8 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         )
     is_coco = isinstance(document, dict) and _are_records(document.get("annotations"))
     records = document["annotations"] if is_coco else document
-    records = _by_key(records)
     if isinstance(records, dict):
-        with suppress(ValueError):  # columns by name, as by DataFrame.to_json
-            records = pd.DataFrame(records).to_dict("records")
+        records = _records_in(records)
     if not _are_records(records) or not records:
         raise InputError(f"{path}: {foreign('{')}")
     if is_coco or (records and {"image_id", "bbox"} <= records[0].keys()):
@@ -73,17 +71,32 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     return table.set_axis([f"record {k}" for k in range(1, len(table) + 1)], axis=0)
 
 
-def _by_key(document: Any) -> Any:
-    """Flatten a mapping that has a list of records for each frame or each object.
+def _records_in(document: Mapping[str, Any]) -> Any:
+    """Return the records of a mapping in one of these forms; other mappings are unchanged.
 
-    The key of a list becomes the time or the id of its records. Any other document is unchanged.
+    - A list of records for each frame or each object. Its key becomes the time or the id of its
+      records, except if there is a single list, and its records contain lists of records.
+    - One list of records beside other values, such as ``{"meta": {...}, "frames": [...]}``.
+    - A table as of `DataFrame.to_json`.
     """
-    lists = document if isinstance(document, dict) else {}
-    if not lists or not all(map(_are_records, lists.values())):
-        return document
-    first: Record = next((record for records in lists.values() for record in records), {})
-    key = "id" if Headers(list(first), {}, "", "").places("t") else "t"
-    return [{key: name, **record} for name, records in lists.items() for record in records]
+    values = [*document.values()]
+    lists = [value for value in values if value and _are_records(value)]
+    if len(lists) == 1 and (len(values) > 1 or any(map(_are_records, lists[0][0].values()))):
+        return lists[0]
+    if document and all(map(_are_records, values)):
+        first: Record = next((record for records in values for record in records), {})
+        key = "id" if Headers(list(first), {}, "", "").places("t") else "t"
+        return [{key: name, **record} for name, records in document.items() for record in records]
+    if _are_records(values):
+        if all(isinstance(inner, dict | list) for value in values for inner in value.values()):
+            return document
+        if all(map(str.isdigit, document)):  # rows by number
+            return values
+    with suppress(ValueError, TypeError):  # columns by name
+        is_split = {"columns", "data"} <= document.keys()
+        parts = (document["data"], None, document["columns"]) if is_split else (document,)
+        return pd.DataFrame(*parts).to_dict("records")
+    return document
 
 
 def _unnested(records: list[Record]) -> list[Record]:

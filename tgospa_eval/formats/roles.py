@@ -371,8 +371,9 @@ def find_roles(
         The requested columns cannot be understood.
     """
     names = [name.strip() for name in header]
-    if len(names) > 1 and not names[0]:
-        names[0] = UNNAMED
+    last = max((k for k, name in enumerate(names) if name), default=-1)
+    for k in (0, *range(last + 1, len(names))) if last > 0 else ():
+        names[k] = names[k] or UNNAMED.format(k + 1)
     _check_names(names, where, options.option)
     mapped, wanted = parse_columns(options.columns)
     if wide and has_patterns(options):
@@ -509,11 +510,11 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 FLAG = re.compile(
-    r"(?P<mark>iscrowd|ignore)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
+    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
 )
 """Pattern of headers of columns that may say which rows do not count.
 
-A row seems not to count if its mark (``iscrowd``, ``ignore``) is not 0, or if its score or
+A row seems not to count if its mark (``iscrowd``, ``ignore``) is above 0, or if its score or
 visibility is 0."""
 
 
@@ -749,8 +750,9 @@ def _box(
     return box if len(box) >= 4 else {}
 
 
-UNNAMED = "column 1 (blank header)"
-"""Name of a first column with a blank header, as pandas writes for an index and R for row names."""
+UNNAMED = "column {} (blank header)"
+"""Name of a column with a blank header: the first, as pandas writes for an index and R for row
+names, or one after all others, as spreadsheets write and programs that end lines with a comma."""
 
 
 def are_numbers(fields: Sequence[str]) -> bool:

@@ -1,7 +1,7 @@
 """All rows of a file, as readers return them, before any are left out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.formats.fields import Coded, Times
 from tgospa_eval.formats.roles import Roles
 from tgospa_eval.quoting import option, quoted
@@ -192,6 +192,12 @@ def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
     mask = np.zeros(len(ids[1]), bool)
     mask[blank] = True
     return {"no id": (mask, f"without an id left out, by {option('on_invalid', 'drop')}")}
+
+
+def without_blank(roles: Roles, count: int) -> Roles:
+    """Return the roles with a notice about `count` rows without any value, if there are any."""
+    notice = f"{counted(count, 'blank row')} passed over"
+    return replace(roles, passed=(*roles.passed, notice)) if count else roles
 
 
 def blanks(column: Numbered) -> Ints:

@@ -142,6 +142,8 @@ def test_manifest(tree: Path, write: Write) -> None:
     (job,) = plan.jobs
     assert (dict(job.labels), dict(job.options)) == ({"run": "1"}, {"cutoff": "5"})
     assert plan.faults == (f"{path}, line 3: {tree / 'none.csv'} does not exist",)
+    path = write("blank.csv", "truth,estimate,run\ngt/s1.csv,out/a/s1.csv, \n")
+    assert dict(jobs.of_manifest(path, {"cutoff"}).jobs[0].labels) == {"run": '""'}
     for text, message in (
         ("a,b\n", "line 1: no column truth and estimate; a manifest has the columns truth and"),
         ("truth,b\n", "line 1: no column estimate; a manifest has the columns truth and"),

@@ -59,6 +59,8 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         pytest.param('"id", "t", "x", "y"\n' + PLAIN[9:], id="a header with quotes and spaces"),
         pytest.param("\n\n" + PLAIN.replace("\nb", "\n\n  \nb") + "\n\n", id="blank lines"),
+        pytest.param(PLAIN.replace("\nb", "\n,,,\nb") + ",,,\n , ,,\n", id="blank rows"),
+        pytest.param(PLAIN.replace(",", ";") + ";;;\n;;\n", id="blank rows, some short"),
         pytest.param("y,x,t,id\n2,1.5,1,a\n-4.25,3,2,b\n", id="columns in another order"),
         pytest.param("id,t,x,y\nb,2,3,-4.25\na,1,1.5,2\n", id="rows in another order"),
         pytest.param("id,t,x,y\na,1,15e-1,+2.\nb,2,3E0,-4.25\n", id="exponents"),

@@ -222,12 +222,21 @@ def test_columns_of_several_levels(write: Write) -> None:
     assert evaluate(path, table, 2, 2, 1, estimate_columns=columns).total == 0
 
 
+def test_two_columns_of_the_same_ids(write: Write) -> None:
+    same = "id,track_id,t,x\na,1,0,2\nb,2,0,3\na,1,1,2\nb,2,1,3\n"
+    assert read(write("a.csv", same)).notices == ("columns not used: track_id",)
+    notices = read(write("b.csv", same.replace("b,2,1", "b,1,1"))).notices
+    assert 'id is read from "id", not from "track_id"' in notices[0]
+
+
 def test_a_track_of_an_aircraft_is_a_direction(write: Write) -> None:
     path = write("a.csv", "time,icao24,lat,lon,track\n0,a,55,12,90\n1,a,55,12,91\n")
     reading = read(path)
     assert list(reading.trajectories.ids) == ["a"]
-    said = 'id is read from "icao24", not from "track"; columns=(\'id=track\',) reads that'
-    assert said in reading.notices
+    assert reading.notices == ("columns not used: track",)
+    other = "time,id,icao24,lat,lon,track\n0,7,a,55,12,90\n1,7,b,55,12,91\n"
+    said = 'id is read from "id", not from "icao24" or "track"; columns=(\'id=icao24\',) reads that'
+    assert said in read(write("id.csv", other)).notices
     assert list(read_trajectories(path, columns=("id=track",)).ids) == ["90", "91"]
     for table in ("lat,lon,speed,course\n0,1,55,12,90,80\n", "x,y,flight\n0,1,55,12,2\n"):
         assert list(read_trajectories(write("b.csv", f"time,track,{table}")).ids) == ["1"]

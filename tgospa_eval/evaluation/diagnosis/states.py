@@ -292,6 +292,20 @@ def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> fl
     return saved
 
 
+SURE = 0.95
+"""Share of the cost that feet must save if the cost is not bad.
+
+A change from metres to feet shrinks the errors of heights near 0, and saves 91 % at most."""
+
+
+def _is_of_feet(change: _Change, columns: Sequence[str]) -> bool:
+    """Return whether a change only converts heights between feet and metres."""
+    heights = np.array([name in UPWARD for name in columns])
+    feet = np.isclose(np.abs(np.log(change.factor[heights])), -np.log(0.3048))
+    is_scale = change.code == "unit-scale" and (change.factor[~heights] == 1).all()
+    return bool(is_scale and len(feet) and feet.all())
+
+
 def state_warnings(
     sample: Sample, frames: Sequence[str] = ("", ""), headers: Mapping[str, str] | None = None
 ) -> list[Notice]:
@@ -311,7 +325,11 @@ def state_warnings(
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
     ):
         return []
-    best = _best(sample, _linear(sample, frames, headers or {})) if sample.is_bad else None
+    trials = _linear(sample, frames, headers or {})
+    if not sample.is_bad:  # heights in feet have errors below a large cutoff
+        trials = (one for one in trials if _is_of_feet(one, sample.columns))
+    best = _best(sample, trials)
+    best = best if best and (sample.is_bad or best[0] > SURE) else None
     best = best or _best(sample, _displaced(sample), FITTED)
     suspicious = best is not None or few_are_near(sample.here)
     if suspicious and len(sample.steps) >= FIRST_STEPS:  # a fault is tested again with more steps

@@ -40,6 +40,7 @@ from tgospa_eval.formats.rows import (
     name_objects,
     named_ids,
     numbered,
+    without_blank,
     without_ids,
 )
 from tgospa_eval.quoting import option, quoted
@@ -305,7 +306,7 @@ def blocks_of(
                 begin = "".join(block[k][:1]).lstrip()
                 if begin.startswith(COMMENTS):
                     comments.count += 1
-                elif begin or len(block[k]) > 1:
+                elif any(map(str.strip, block[k])):
                     count = counted(len(block[k]), "field")
                     raise InputError(f"{path}, line {at[k]}: {count}, {rule}")
             at = at[has_all]
@@ -419,6 +420,27 @@ def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int,
     return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
 
+def _without_blank_rows(fields: Fields, roles: Roles) -> tuple[Fields, Roles]:
+    """Leave out rows without any value, such as ``,,,`` of spreadsheets, with a notice."""
+    columns = [fields.coded[roles.id], *fields.coded.values()]  # hardly an id is blank
+    empty = np.ones(len(fields.values), bool)
+    empty[[row for _, row, _ in fields.mistakes]] = False
+    for texts in columns:
+        empty &= np.array([not text.strip() for text in texts.distinct], bool)[texts.code]
+        if not empty.any():
+            return fields, roles
+    empty &= np.isnan(fields.values).all(axis=1)
+    kept = np.flatnonzero(~empty)
+    coded = {}
+    for column, texts in fields.coded.items():
+        used, code = np.unique(texts.code[kept], return_inverse=True)
+        coded[column] = Coded([texts.distinct[k] for k in used.tolist()], code)
+    mistakes = [(column, int((kept < row).sum()), text) for column, row, text in fields.mistakes]
+    lines, values = np.asarray(fields.lines)[kept], fields.values[kept]
+    fields = Fields(lines=lines, coded=coded, values=values, mistakes=mistakes)
+    return fields, without_blank(roles, len(empty) - len(kept))
+
+
 def convert(
     fields: Fields,
     roles: Roles,
@@ -451,6 +473,7 @@ def convert(
     def where(row: int) -> str:
         return f"{path}, line {lines[row]}"
 
+    fields, roles = _without_blank_rows(fields, roles)
     coded, lines = fields.coded, fields.lines
     problems: list[str] = []
     of_weights: list[str] = []  # raised only if weights are needed
