@@ -191,6 +191,25 @@ def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
     assert gate().status == 0
 
 
+@pytest.mark.parametrize("own", [False, True])  # whether each seed has a truth of its own
+def test_other_seeds_are_judged_on_the_same_truth_and_steps(gate: Invoke, own: bool) -> None:
+    def seeds(first: int, steps: int) -> None:
+        for folder in ("data/a", "out/a"):
+            shutil.rmtree(folder)
+        runs(0, scenes="a", seeds=range(first, first + 6), steps=steps)
+        for path in Path("data/a").glob("*/truth.csv") if own else ():
+            path.write_text(path.read_text().replace(",0\n", f",{int(path.parent.name) / 1e4}\n"))
+
+    seeds(1, STEPS)
+    assert gate("--update-baseline").status == 0
+    seeds(11, STEPS)
+    assert gate().status == 0
+    seeds(11, STEPS // 2)
+    answer = gate("--format", "json")
+    assert answer.status == 2
+    assert "11: not judged on the same steps and truth" in groups(answer)["a"]["notes"][0]
+
+
 def test_a_run_that_stops_early_fails(gate: Invoke) -> None:
     lines = Path("out/b/2.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     write("out/b/2.csv", "".join(lines[:4]))

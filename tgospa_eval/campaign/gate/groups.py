@@ -37,6 +37,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -493,6 +494,9 @@ def _group(
                     now[mine[0]].parameters, old[theirs[0]]["parameters"]
                 )
             ]
+            sides = [old[run]["judged"] for run in theirs], [now[run].evaluated_on for run in mine]
+            for run in [mine[k] for k in _foreign(*sides)]:
+                reasons += [f"{run}: {text}" for text in differences(old[theirs[0]], now[run])]
         faults += reasons[:1]
         names = common or mine
         scenes.append(
@@ -511,6 +515,21 @@ def _group(
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
     return Group(name=name, scenes=tuple(scenes), faults=tuple(faults))
+
+
+def _foreign(old: Sequence[Json], now: Sequence[Mapping[str, Any]]) -> Iterator[int]:
+    """Yield the indices of new runs that are judged on steps or a truth that no run in `old` has.
+
+    The runs have other seeds than those in `old`. If no two seeds have the same truth, only steps
+    that are the same in the whole baseline matter.
+    """
+    known = {name: {one[name] for one in old} for name in ("steps_sha256", "truth_sha256")}
+    shared = any(len({one["truth_sha256"] for one in side}) < len(side) for side in (old, now))
+    if not shared:
+        known = {name: own for name, own in known.items() if "steps" in name and len(own) == 1}
+    for k, one in enumerate(now):
+        if any(one[name] not in own for name, own in known.items()):
+            yield k
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
