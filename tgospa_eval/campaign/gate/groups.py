@@ -56,7 +56,7 @@ from tgospa_eval.campaign.gate.baseline import (
 from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, MIN_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.suite import GroupTable
-from tgospa_eval.campaign.row import about_copies
+from tgospa_eval.campaign.row import COPIED, MISSED, about_copies, originals
 from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
 from tgospa_eval.common.arrays import Floats
@@ -121,13 +121,26 @@ class SceneRuns:
     paired: bool
     added: Mapping[str, Measured]
 
-    @property
-    def data(self) -> tuple[list[object], list[object]]:
-        """Digests of truth and estimate of each new run, and of each run of the baseline."""
-        now = [(one.evaluated_on["truth_sha256"], one.estimate) for one in self.now]
-        old = [(e["judged"]["truth_sha256"], e.get("estimate_sha256")) for e in self.old]
+    @cached_property
+    def originals(self) -> tuple[list[int], list[int]]:
+        """For `now` and for `old`: index of the first run of which each run is a copy."""
+        now = [
+            (one.evaluated_on, one.estimate, {path: v.upper for path, v in one.values.items()})
+            for one in self.now
+        ]
+        old = [
+            (
+                e["judged"],
+                e.get("estimate_sha256", ""),
+                {p: value_at(e["values"], p) for p in (*COPIED, MISSED[0])},
+            )
+            for e in self.old
+        ]
         first, second = (
-            list[object]((truth, own or k) for k, (truth, own) in enumerate(side))
+            originals(
+                (judged["truth_sha256"], estimate, {**values, MISSED[1]: judged["truth_states"]})
+                for judged, estimate, values in side
+            )
             for side in (now, old)
         )
         return first, second
@@ -135,13 +148,9 @@ class SceneRuns:
     @cached_property
     def tested(self) -> tuple[list[int], list[int]]:
         """Indices in `now` and in `old` of the runs that a test uses; copies are left out."""
-        sides = self.data
+        first, second = ([k for k, own in enumerate(s) if own == k] for s in self.originals)
         if self.paired:
-            kept = [k for k in range(len(self.now)) if all(s.index(s[k]) == k for s in sides)]
-            return kept, kept
-        first, second = (
-            [k for k, data in enumerate(side) if side.index(data) == k] for side in sides
-        )
+            first = second = [k for k in first if k in second]
         return first, second
 
     def missed(self) -> Rises:
@@ -228,7 +237,7 @@ class Group:
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
             yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
-        yield from about_copies("", (data for scene in self.scenes for data in scene.data[0]))
+        yield from about_copies("", ((s.name, k) for s in self.scenes for k in s.originals[0]))
 
 
 def judge_groups(
