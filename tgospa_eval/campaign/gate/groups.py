@@ -153,6 +153,13 @@ class SceneRuns:
             first = second = [k for k in first if k in second]
         return first, second
 
+    def rises(self, now: Floats, old: Sequence[Floats]) -> Rises | None:
+        """Return the rises of the costs of new runs above their limits; copies add no certainty."""
+        first, second = self.tested
+        used = old if self.paired else [old[k] for k in second]
+        rises = Rises.of_costs(now, used, paired=self.paired)
+        return rises and replace(rises, of_mean=rises.of_mean * len(now) / len(first))
+
     def missed(self) -> Rises:
         """Return the rises of the missed shares of new runs above those of the baseline."""
         nights = [
@@ -186,7 +193,8 @@ class SceneRuns:
         runs = [*zip(self.names, self.now, p_values, could_live, strict=True)]
         runs += [(name, one, 1.0, True) for name, one in self.added.items()]
         for name, one, p, alive in runs if ever < math.inf else ():
-            states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
+            states = one.evaluated_on["truth_states"]
+            missed = replace(one.values[ALIVE.path], proven=one.silent)
             before = round(ever * states, 9)
             limit = before + (states - before) * (0.25 if p <= FALSE_ALARMS else 0.5)
             if alive and missed.lower > limit and (one.silent or states >= MIN_STATES):
@@ -197,9 +205,8 @@ class SceneRuns:
                     f"{'living run' if died else 'run'} of {self.name} in the baseline missed "
                     f"more than {before:g}{f' of {states}' * (len(lengths) > 1)}"
                 )
-                findings.append(
-                    replace(rules.judge(replace(ALIVE, slack=limit), missed, before), note=note)
-                )
+                finding = rules.judge(replace(ALIVE, slack=limit), missed, before)
+                findings.append(replace(finding, note=note, run=name))
         return findings
 
 
@@ -232,12 +239,31 @@ class Group:
         return sum(len(scene.tested[0]) for scene in self.scenes)
 
     def warnings(self) -> Iterator[Notice]:
-        """Yield warnings about new runs that are not in the baseline, and about copies."""
+        """Yield warnings about new runs that are not in the baseline, and about copies.
+
+        Copies in the baseline matter only without copies among the new runs.
+        """
         added = [name for scene in self.scenes for name in scene.added]
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
             yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
-        yield from about_copies("", ((s.name, k) for s in self.scenes for k in s.originals[0]))
+        now, old = ([(s.name, k) for s in self.scenes for k in s.originals[i]] for i in (0, 1))
+        yield from [*about_copies("", now)] or about_copies("the baseline", old)
+
+
+def copied_runs(
+    tables: Iterable[GroupTable],
+    now: Mapping[str, Measured],
+    baseline: Baseline,
+    labels: Mapping[str, Labels],
+) -> list[str]:
+    """Return warnings about copies among runs that become the baseline."""
+    return [
+        f"group {group.name}: {warning}"
+        for table in tables
+        for group in _groups(table, now, baseline, labels, ())
+        for warning in group.warnings()
+    ]
 
 
 def judge_groups(
@@ -371,9 +397,7 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
         return {}
     scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
     notes: dict[int, str] = {}
-    p_values = jumps(
-        [Rises.of_costs(now, old, paired=scene.paired) for _, scene, (now, old) in scenes]
-    )
+    p_values = jumps([scene.rises(*side) for _, scene, side in scenes])
     for (one, scene, _), (whole, each) in zip(scenes, p_values, strict=True):
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
@@ -629,13 +653,14 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if the value is tested: a scene has several seeds, and the rule limits a change.
+        """True if the value is tested: a scene has different runs, and the rule limits a change.
 
-        Absolute limits and values of assigned pairs are not tested.
+        Different runs on one side are enough: they show that seeds matter. Absolute limits and
+        values of assigned pairs are not tested.
         """
         rule = self.finding.rule
-        return self.group.tested > len(self.group.scenes) and not (
-            rule.absolute or rules.is_beside(rule.path)
+        return not (rule.absolute or rules.is_beside(rule.path)) and any(
+            len({*own}) > 1 for scene in self.group.scenes for own in scene.originals
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
