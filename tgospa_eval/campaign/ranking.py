@@ -472,7 +472,7 @@ def ranking_document(
     ]
     bounds = costs["total_lower"][ranked], costs["total"][ranked]
     runs_ranked = [copied[k] for k in ranked]
-    totals, alone = _totals(bounds, truth_ids, runs_ranked, np.array(steps, float))
+    totals, separate = _totals(bounds, truth_ids, runs_ranked, np.array(steps, float))
     too_few = totals[0].shape[1] < statistics.MIN_PAIRS <= len(steps)
     copies = [
         notice if not too_few else replace(notice, remedy=f"{notice.remedy}; {NO_TEST}")
@@ -523,7 +523,7 @@ def ranking_document(
             }
         )
     same = np.array([pair in equal for pair in itertools.combinations(ranked, 2)], bool)
-    sure = _with_intervals(pairs, same, totals, alone, order, per_step=True)
+    sure = _with_intervals(pairs, same, totals, separate, order, per_step=True)
     tested = _tested(pairs, same, totals)
     for item, ends, statistical in zip(estimates, sure, tested, strict=True):
         item |= {"confidence": ends, "statistical_place": statistical}
@@ -745,8 +745,8 @@ def _ranking(
         wrong = incomparable({row[column]: coverage_of(row) for row in jobs.to_dict("records")})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
-    names, totals, alone = _side_by_side(common, column, names)
-    entries, comparisons = _orders(common, column, names, totals, alone)
+    names, totals, separate = _side_by_side(common, column, names)
+    entries, comparisons = _orders(common, column, names, totals, separate)
     count = totals[0].shape[1]
     yield Ranking(
         label=label,
@@ -788,10 +788,10 @@ def _side_by_side(
     steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
     runs = common.assign(_run=run_ids(common)).set_index(["_pair", column])["_run"].unstack(column)
     copied = runs[list(names)].to_numpy().T.tolist()
-    (lower, upper, steps), alone = _totals((lower, upper), truth.tolist(), copied, steps)
+    (lower, upper, steps), separate = _totals((lower, upper), truth.tolist(), copied, steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
     totals = lower[best], upper[best], steps
-    return [names[k] for k in best], totals, [alone[k] for k in best]
+    return [names[k] for k in best], totals, [separate[k] for k in best]
 
 
 def _totals(
@@ -801,11 +801,11 @@ def _totals(
     steps: Floats,
 ) -> tuple[Totals, list[Totals]]:
     """Return the totals of all names by common units, and of each name by its own units."""
-    alone = [
+    separate = [
         _per_unit((bounds[0][[k]], bounds[1][[k]]), _units(truth, [own]), steps)
         for k, own in enumerate(runs)
     ]
-    return _per_unit(bounds, _units(truth, runs), steps), alone
+    return _per_unit(bounds, _units(truth, runs), steps), separate
 
 
 def _units(truth: Sequence[str], runs: Sequence[Sequence[object]]) -> Ints:
@@ -846,12 +846,12 @@ def _orders(
     column: str,
     names: Sequence[str],
     totals: Totals,
-    alone: Sequence[Totals],
+    separate: Sequence[Totals],
 ) -> tuple[list[Json], list[Json]]:
     """Return a record of each estimate, and of each pair of estimates, for the JSON of a batch.
 
     `common` has the jobs that exist for all estimates. `names` are sorted, best first. `totals` and
-    `alone` are those of `_totals`.
+    `separate` are those of `_totals`.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -875,8 +875,10 @@ def _orders(
             }
         )
     same = np.array([pair in equal for pair in itertools.combinations(range(size), 2)], bool)
-    sure = _with_intervals(comparisons, same, totals, alone, order)
-    of_steps = _with_intervals(comparisons, same, totals, alone, order, "per_step_", per_step=True)
+    sure = _with_intervals(comparisons, same, totals, separate, order)
+    of_steps = _with_intervals(
+        comparisons, same, totals, separate, order, "per_step_", per_step=True
+    )
     inferred = _tested(comparisons, same, totals)
     entries = [
         {
@@ -976,7 +978,7 @@ def _with_intervals(
     comparisons: Sequence[Json],
     same: Mask,
     totals: Totals,
-    alone: Sequence[Totals],
+    separate: Sequence[Totals],
     order: float,
     before: str = "",
     *,
@@ -992,7 +994,7 @@ def _with_intervals(
         Records of all pairs, with the fields of `_difference`.
     same : array, shape (comparisons,)
         Whether both names of a pair have the same data.
-    totals, alone : Totals and sequence of Totals
+    totals, separate : Totals and sequence of Totals
         Totals of the names, best first, by common units and by own units.
     order : float
         Order p of the metric.
@@ -1002,7 +1004,7 @@ def _with_intervals(
         Whether values are per step instead of combined.
     """
     sure: list[Any] = []
-    for lower, upper, steps in alone:
+    for lower, upper, steps in separate:
         per, enough = steps if per_step else None, lower.shape[1] >= statistics.MIN_PAIRS
         ends = statistics.intervals(lower, upper, order, per) if enough else ()
         sure.append(np.ravel(ends).tolist() or None)

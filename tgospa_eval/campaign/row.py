@@ -432,7 +432,7 @@ def originals(runs: Iterable[tuple[str, str, Mapping[Any, Any]]]) -> list[int]:
         and its numbers by the columns of a row.
     """
     known: dict[object, int] = {}
-    found = []
+    firsts = []
     for k, (truth, estimate, numbers) in enumerate(runs):
         cost = numbers["localisation"]
         keys: list[object] = [(truth, estimate)] if estimate else []
@@ -441,9 +441,9 @@ def originals(runs: Iterable[tuple[str, str, Mapping[Any, Any]]]) -> list[int]:
         missed, states = (numbers[name] for name in MISSED)
         if missed >= states and not numbers["false"]:
             keys = []
-        found.append(next((known[key] for key in keys if key in known), k))
-        known |= dict.fromkeys(keys, found[-1])
-    return found
+        firsts.append(next((known[key] for key in keys if key in known), k))
+        known |= dict.fromkeys(keys, firsts[-1])
+    return firsts
 
 
 def about_copies(name: str, runs: Iterable[object]) -> Iterator[Notice]:

@@ -398,8 +398,8 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
                     "PATH:..MOST, as nees:1.5..2.5"
                 )
             low = sign == "least"
-            least = (limits or {}).get("least")
-            if least is not None and limit < least:
+            smallest = (limits or {}).get("least")
+            if smallest is not None and limit < smallest:
                 raise ConfigError(
                     f"{option(name)} {quoted(text)}: LEAST is above MOST; write the smaller first"
                 )
