@@ -123,7 +123,7 @@ class SceneRuns:
 
     @cached_property
     def originals(self) -> tuple[list[int], list[int]]:
-        """For `now` and for `old`: index of the first run of which each run is a copy."""
+        """Results of `row.originals` for the new runs and for those of the baseline."""
         now = [
             (one.evaluated_on, one.estimate, {path: v.upper for path, v in one.values.items()})
             for one in self.now
