@@ -246,9 +246,7 @@ def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
     assert "group dense (2), fast (2), slow (2): with so few runs the test can never show" in said
     runs(0.2, 2, seeds=[1, 2])
     out = " ".join(invoke(*arguments).out.split())
-    assert (
-        "within noise: 2 runs with the same seeds are too few for the test; it needs 7 runs" in out
-    )
+    assert "within noise: 2 runs with the same seeds, too few different runs for the test" in out
     assert "group all of {scene}: the tracker is worse than allowed" in out
 
 
@@ -778,6 +776,9 @@ def test_a_new_scene_passes_until_the_target_has_it(
     assert against().status == 0
     write("out/new/1.csv", "")
     assert against().status == 3
+    write("out/slow/7.csv", "id,t,x,y\n")  # its truth is not in the target
+    answer = against()
+    assert (answer.status, "slow/7: the tracker failed" in answer.out) == (1, True)
 
 
 def test_a_new_tracker_passes_until_the_target_has_it(against: Invoke) -> None:

@@ -1,6 +1,7 @@
 """The gate of many nights: dead runs, jumps, the same verdict for the same data, several nights."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -97,6 +98,12 @@ def test_a_run_without_rows_fails(gate: Invoke) -> None:
     assert found["b"]["verdict"] != "fail"
     dead = found["a"]["rules"][0]
     assert (dead["rule"], dead["verdict"], dead["upper"]) == ("no dead run", "fail", STEPS)
+    assert dead["proven"]
+    write("out/a/4.csv", "id,t,x,y\n")
+    gate("--junit", "gate.xml")
+    cases = re.findall('classname="group a" name="(no.*?)"', Path("gate.xml").read_text())
+    assert cases == ["no dead run: a/3", "no dead run: a/4"]
+    runs(1, scenes="a", seeds=[4])
     assert (
         "a/3: the tracker failed: it misses 12 of 12 ground-truth states" in found["a"]["notes"][0]
     )
@@ -112,7 +119,8 @@ def test_a_run_that_was_dead_before_is_as_ever_but_no_other_run(
     write("out/a/3.csv", "id,t,x,y\n")
     answer = gate("--update-baseline", *others)
     assert answer.status == 0
-    assert "a/3: misses all ground-truth states" in " ".join(answer.out.split())
+    effect = "this night raises the limits" if others else "a baseline with a dead run allows"
+    assert f"a/3: misses all ground-truth states: {effect}" in " ".join(answer.out.split())
     assert gate().status == (1 if others else 0)  # it lived in the first of two nights
     runs(0, scenes="a", seeds=[3])
     write("out/a/5.csv", "id,t,x,y\n")
@@ -159,12 +167,32 @@ def test_copies_of_a_run_infer_nothing(gate: Invoke) -> None:
     assert rule["inference"]["runs"] == 13
 
 
-def test_copies_among_new_runs_alone_infer_nothing(gate: Invoke) -> None:
-    for seed in range(2, 7):
-        for path in ("data/a/{}/truth.csv", "out/a/{}.csv"):
-            shutil.copy(path.format(1), path.format(seed))
-    (rule,) = groups(gate("--format", "json"))["a"]["rules"]
-    assert "inference" not in rule
+@pytest.mark.parametrize("before", [False, True])  # whether the copies are in the baseline
+@pytest.mark.parametrize("ids", [False, True])  # whether each copy has ids of its own
+@pytest.mark.parametrize("first", [1, 11])  # other seeds than in the baseline
+def test_copies_on_one_side_infer_nothing(
+    gate: Invoke, before: bool, ids: bool, first: int
+) -> None:
+    costs = np.exp(np.random.default_rng(3).normal(0, 0.15, 6))
+    sums = {True: costs[0], False: costs.mean()}
+
+    def night(copies: bool, first: int, factor: float = 1.0) -> None:
+        for folder in ("data/a", "out/a"):
+            shutil.rmtree(folder)
+        runs(3, scenes="a", seeds=range(first, first + 6), factor=factor)
+        for seed in range(first + 1, first + 6) if copies else ():
+            text = Path(f"out/a/{first}.csv").read_text()
+            write(f"out/a/{seed}.csv", text.replace("\na,", f"\n{seed},") if ids else text)
+
+    night(before, 1)
+    said = gate("--update-baseline", "--format", "json").out
+    assert ("group a: warning: 6 runs are copies" in said) is before
+    night(not before, first, 1.1 * sums[before] / sums[not before])
+    answer = gate("--format", "json")
+    found = groups(answer)["a"]
+    side = "6 runs of the baseline" if before else "6 runs"
+    assert (answer.status, side in found["warnings"][0]["text"]) == (0, True)
+    assert found["rules"][0]["verdict"] == "undecided by seeds"
 
 
 def test_a_dead_run_of_a_short_recording(gate: Invoke) -> None:
@@ -180,6 +208,13 @@ def test_a_dead_run_of_a_short_recording(gate: Invoke) -> None:
     assert "it misses 40 of 40 ground-truth states" in groups(answer)["a"]["notes"][0]
 
 
+def test_an_absent_estimate_cannot_be_accepted(gate: Invoke) -> None:
+    runs(0, scenes="a", seeds=[9])
+    Path("out/a/9.csv").unlink()
+    answer = gate("--format", "json")
+    assert (answer.status, json.loads(answer.out)["update"]) == (3, "")
+
+
 def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
     for folder in ("data/a", "out/a"):
         shutil.rmtree(folder)
@@ -189,6 +224,25 @@ def test_fewer_runs_with_other_seeds_do_not_pass(gate: Invoke) -> None:
     assert "5 runs, but 6 in the baseline, with other seeds" in groups(answer)["a"]["notes"][0]
     runs(0, scenes="a", seeds=range(11, 17))
     assert gate().status == 0
+
+
+@pytest.mark.parametrize("own", [False, True])  # whether each seed has a truth of its own
+def test_other_seeds_are_judged_on_the_same_truth_and_steps(gate: Invoke, own: bool) -> None:
+    def seeds(first: int, steps: int) -> None:
+        for folder in ("data/a", "out/a"):
+            shutil.rmtree(folder)
+        runs(0, scenes="a", seeds=range(first, first + 6), steps=steps)
+        for path in Path("data/a").glob("*/truth.csv") if own else ():
+            path.write_text(path.read_text().replace(",0\n", f",{int(path.parent.name) / 1e4}\n"))
+
+    seeds(1, STEPS)
+    assert gate("--update-baseline").status == 0
+    seeds(11, STEPS)
+    assert gate().status == 0
+    seeds(11, STEPS // 2)
+    answer = gate("--format", "json")
+    assert answer.status == 2
+    assert "11: not judged on the same steps and truth" in groups(answer)["a"]["notes"][0]
 
 
 def test_a_run_that_stops_early_fails(gate: Invoke) -> None:
@@ -355,6 +409,19 @@ def test_nights_of_other_data_are_left_out(gate: Invoke) -> None:
     assert "one night replaces 2" in said
     assert "nights" not in entries()["a/1"]
     assert len(entries()["a/2"]["nights"]) == 1
+
+
+@pytest.mark.parametrize("ids", [False, True])
+def test_a_night_is_not_added_twice(gate: Invoke, ids: bool) -> None:
+    for night in (1, 0, 1, 0):
+        runs(night)
+        for path in Path("out").glob("*/*.csv") if ids else ():
+            path.write_text(path.read_text().replace("\na,", f"\n{night},"))
+        said = gate("--update-baseline", "--add").out
+    assert "the baseline has a night with the same values, so this one is not added again" in (
+        " ".join(said.split())
+    )
+    assert {len(entry["nights"]) for entry in entries().values()} == {1}
 
 
 def test_wrong_nights_are_refused(gate: Invoke) -> None:

@@ -180,6 +180,7 @@ def test_of_a_calibrated_filter_95_percent_are_inside() -> None:
         (("nees.inside:0.9..", "nees.anees:..1.2"), 0, ""),
         (("nees.inside:0.99..,nees:..9",), 1, "at least 0.99 allowed by nees.inside>=0.99"),
         (("nees:..",), 2, "must be PATH:LEAST..MOST"),
+        (("nees:5..3",), 2, "LEAST is above MOST; write the smaller first"),
         (("nees:b..9",), 2, "must be PATH:LEAST..MOST"),
         (("nees.inside:+0.1",), 2, "nees.inside is better when larger: PATH:-N"),
         (("total:-1",), 2, "total is better when smaller: PATH:+N"),

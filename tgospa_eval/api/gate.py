@@ -305,6 +305,7 @@ def _with_faults(
         return {item for item in labels.items() if item[0] not in seeds}
 
     scenes = [scene(entry.get("labels", {})) for entry in known.values()]
+    kept = [scene(pair.labels) for pair in pairs if pair.name in known]
     for pair in pairs:
         options = resolve(gate, pair, known.get(pair.name), path)
         named = [value for name, value in options.items() if value and names_file(name, value)]
@@ -314,9 +315,10 @@ def _with_faults(
             fault = f"{other[0]}: this branch changes it, but {target.where} judges"
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        # A pair that the baseline lacks is not marked as new if only its seed is new: the target
-        # has the truth, the baseline has a pair with the same other labels, and a group judges it.
-        in_group = target.has(pair.truth) and scene(pair.labels) in scenes
+        # A pair that the baseline lacks is not marked as new if only its seed is new: the baseline
+        # has a pair with the same other labels, which is judged, too, or the target has the truth;
+        # and a group judges it.
+        in_group = scene(pair.labels) in (scenes if target.has(pair.truth) else kept)
         in_group = in_group and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
 

@@ -10,7 +10,7 @@ order of the estimates. In this module, a *record* is a part of a JSON document,
 import itertools
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,10 +20,12 @@ from tgospa_eval.campaign import SCHEMA, statistics
 from tgospa_eval.campaign.row import (
     ESTIMATE_DIGEST,
     LABEL,
+    MISSED,
     about_copies,
     covariances_of,
     in_words,
     label_names,
+    originals,
     pair_numbers,
     run_ids,
     same_data,
@@ -228,6 +230,14 @@ class RunOutcome:
     split: Mapping[str, float] = field(default_factory=dict)
     nees: NeesSums | None = None
     summary: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> Mapping[str, Any]:
+        """Numbers by which copies of a run are found, by the columns of a row."""
+        missed = zip(
+            MISSED, (self.counts["missed"], self.evaluated_on["truth_states"]), strict=True
+        )
+        return {**self.run, **self.summary, **dict(missed)}
 
 
 Entrants = Mapping[str, Sequence[RunOutcome]]
@@ -458,15 +468,18 @@ def ranking_document(
 
     verdicts, place = _proven(roots, equal)
     truth_ids = [item.run["input"]["truth"]["sha256"] for item in entrants[names[0]]]
-    totals = _per_unit(
-        (costs["total_lower"][ranked], costs["total"][ranked]),
-        _units(truth_ids, digests),
-        np.array(steps, float),
-    )
+    copied = [
+        originals(zip(truth_ids, own, (item.numbers for item in runs), strict=True))
+        for own, runs in zip(digests, entrants.values(), strict=True)
+    ]
+    bounds = costs["total_lower"][ranked], costs["total"][ranked]
+    runs_ranked = [copied[k] for k in ranked]
+    totals, separate = _totals(bounds, truth_ids, runs_ranked, np.array(steps, float))
+    too_few = totals[0].shape[1] < statistics.MIN_PAIRS <= len(steps)
     copies = [
-        notice
-        for name, own in zip(names, digests, strict=True)
-        for notice in about_copies(name, map("".join, zip(truth_ids, own, strict=True)))
+        notice if not too_few else replace(notice, remedy=f"{notice.remedy}; {NO_TEST}")
+        for name, own in zip(names, copied, strict=True)
+        for notice in about_copies(name, own)
     ]
     estimates = []
     for k in ranked:
@@ -485,7 +498,7 @@ def ranking_document(
         for name in PARTS:
             per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
         change, count = upper[b] - upper[a], len(steps)
-        different = len({*zip(truth_ids, digests[a], digests[b], strict=True)})
+        different = len({*zip(copied[a], copied[b], strict=True)})
         # Steps whose costs differ by rounding alone are neither better nor worse.
         clear = EQUAL * np.concatenate([np.maximum(own[a], own[b]) for own in of_steps])
         more = np.concatenate([own[b] - own[a] for own in of_steps])
@@ -512,7 +525,7 @@ def ranking_document(
             }
         )
     same = np.array([pair in equal for pair in itertools.combinations(ranked, 2)], bool)
-    sure = _with_intervals(pairs, same, totals, order, per_step=True)
+    sure = _with_intervals(pairs, same, totals, separate, order, per_step=True)
     tested = _tested(pairs, same, totals)
     for item, ends, statistical in zip(estimates, sure, tested, strict=True):
         item |= {"confidence": ends, "statistical_place": statistical}
@@ -739,8 +752,8 @@ def _ranking(
         wrong = incomparable({row[column]: coverage_of(row) for row in frame_records(jobs)})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
-    names, totals = _side_by_side(common, column, names)
-    entries, comparisons = _orders(common, column, names, totals)
+    names, totals, separate = _side_by_side(common, column, names)
+    entries, comparisons = _orders(common, column, names, totals, separate)
     count = totals[0].shape[1]
     yield Ranking(
         label=label,
@@ -763,6 +776,8 @@ def _ranking(
     yield from map(str, about_covariances(items))
 
 
+NO_TEST = "a test needs different runs on both sides, or several truths"
+
 Totals = tuple[Floats, Floats, Floats]
 """Lower bounds of totals, upper bounds of totals, and numbers of steps, by unit (see `_units`).
 
@@ -772,30 +787,45 @@ The bounds have the shape (names, units), and the numbers of steps have the shap
 
 def _side_by_side(
     common: "pd.DataFrame", column: str, names: Sequence[str]
-) -> tuple[list[str], Totals]:
-    """Return the names, best first, and their totals."""
+) -> tuple[list[str], Totals, list[Totals]]:
+    """Return the names, best first, and the results of `_totals`."""
     truth = common.groupby("_pair")["_truth"].first()
     costs = common.set_index(["_pair", column]).sort_index()[statistics.TOTAL_ENDS].unstack(column)
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in statistics.TOTAL_ENDS)
     steps = common.groupby("_pair")["judged.steps"].first().clip(lower=1).to_numpy(float)
     runs = common.assign(_run=run_ids(common)).set_index(["_pair", column])["_run"].unstack(column)
-    unit = _units(truth.tolist(), runs[list(names)].to_numpy().T.tolist())
-    lower, upper, steps = _per_unit((lower, upper), unit, steps)
+    copied = runs[list(names)].to_numpy().T.tolist()
+    (lower, upper, steps), separate = _totals((lower, upper), truth.tolist(), copied, steps)
     best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
-    return [names[k] for k in best], (lower[best], upper[best], steps)
+    totals = lower[best], upper[best], steps
+    return [names[k] for k in best], totals, [separate[k] for k in best]
 
 
-def _units(truth: Sequence[str], runs: Sequence[Sequence[str]]) -> Ints:
+def _totals(
+    bounds: tuple[Floats, Floats],
+    truth: Sequence[str],
+    runs: Sequence[Sequence[object]],
+    steps: Floats,
+) -> tuple[Totals, list[Totals]]:
+    """Return the totals of all names by common units, and of each name by its own units."""
+    separate = [
+        _per_unit((bounds[0][[k]], bounds[1][[k]]), _units(truth, [own]), steps)
+        for k, own in enumerate(runs)
+    ]
+    return _per_unit(bounds, _units(truth, runs), steps), separate
+
+
+def _units(truth: Sequence[str], runs: Sequence[Sequence[object]]) -> Ints:
     """Return the index of the unit of each job. The units are the sample of the statistics.
 
     With several truths, a unit is a truth with all its jobs. With one truth, each job is a unit.
-    Exception: if an estimate has the same data in several jobs, these jobs are one unit. For each
-    estimate, `runs` has a text for each job. Jobs with the same data have the same text.
+    Exception: jobs that are copies in an estimate are one unit. For each estimate, `runs` has a
+    value for each job, which is the same for copies.
     """
     _, unit = np.unique(truth, return_inverse=True)
     if unit.any():
         return unit
-    texts = [f"{k} {text or (job,)}" for k, own in enumerate(runs) for job, text in enumerate(own)]
+    texts = [f"{k} {run}" for k, own in enumerate(runs) for run in own]
     _, data = np.unique(texts, return_inverse=True)
     jobs, size = np.tile(np.arange(len(unit)), len(runs)), len(unit)
     parts = connected_components(jobs, size + data, size + len(data))
@@ -819,11 +849,16 @@ def _per_unit(totals: tuple[Floats, Floats], unit: Ints, steps: Floats) -> Total
 
 
 def _orders(
-    common: "pd.DataFrame", column: str, names: Sequence[str], totals: Totals
+    common: "pd.DataFrame",
+    column: str,
+    names: Sequence[str],
+    totals: Totals,
+    separate: Sequence[Totals],
 ) -> tuple[list[Json], list[Json]]:
     """Return a record of each estimate, and of each pair of estimates, for the JSON of a batch.
 
-    `common` has the jobs that exist for all estimates. `names` are sorted, best first.
+    `common` has the jobs that exist for all estimates. `names` are sorted, best first. `totals` and
+    `separate` are those of `_totals`.
     """
     size, order = len(names), float(common["order"].iloc[0])
     sums = common.groupby(column)[["judged.steps", *PARTS]].sum().loc[list(names)]
@@ -847,8 +882,10 @@ def _orders(
             }
         )
     same = np.array([pair in equal for pair in itertools.combinations(range(size), 2)], bool)
-    sure = _with_intervals(comparisons, same, totals, order)
-    of_steps = _with_intervals(comparisons, same, totals, order, "per_step_", per_step=True)
+    sure = _with_intervals(comparisons, same, totals, separate, order)
+    of_steps = _with_intervals(
+        comparisons, same, totals, separate, order, "per_step_", per_step=True
+    )
     inferred = _tested(comparisons, same, totals)
     entries = [
         {
@@ -948,6 +985,7 @@ def _with_intervals(
     comparisons: Sequence[Json],
     same: Mask,
     totals: Totals,
+    separate: Sequence[Totals],
     order: float,
     before: str = "",
     *,
@@ -955,7 +993,7 @@ def _with_intervals(
 ) -> list[Any]:
     """Set the confidence intervals of all differences, and return the intervals of the values.
 
-    With too few truths nothing is set, and the intervals of the values are None.
+    With too few truths nothing is set. The interval of a value with too few truths is None.
 
     Parameters
     ----------
@@ -963,8 +1001,8 @@ def _with_intervals(
         Records of all pairs, with the fields of `_difference`.
     same : array, shape (comparisons,)
         Whether both names of a pair have the same data.
-    totals : Totals
-        Totals of the names, best first.
+    totals, separate : Totals and sequence of Totals
+        Totals of the names, best first, by common units and by own units.
     order : float
         Order p of the metric.
     before : str
@@ -972,11 +1010,15 @@ def _with_intervals(
     per_step : bool
         Whether values are per step instead of combined.
     """
+    sure: list[Any] = []
+    for lower, upper, steps in separate:
+        per, enough = steps if per_step else None, lower.shape[1] >= statistics.MIN_PAIRS
+        ends = statistics.intervals(lower, upper, order, per) if enough else ()
+        sure.append(np.ravel(ends).tolist() or None)
     lower, upper, steps = totals
     per = steps if per_step else None
     if lower.shape[1] < statistics.MIN_PAIRS:
-        return [None] * len(lower)
-    sure: list[Any] = np.stack(statistics.intervals(lower, upper, order, per), axis=1).tolist()
+        return sure
     first, second = np.triu_indices(len(lower), 1)
     lower, upper = (statistics.without_each(side, order, per) for side in (lower, upper))
     margin = statistics.margins(lower[second] - upper[first], upper[second] - lower[first])

@@ -402,22 +402,59 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
 
 
 def run_ids(rows: "pd.DataFrame") -> "pd.Series[str]":
-    """Return a text for each job; jobs with the same data and parameters have the same text."""
+    """Return a text for each job; copies of a job have the same text (see `originals`)."""
     own = rows.index.to_series().astype(str)
     if ESTIMATE_DIGEST not in rows:
         return own
-    return (truths(rows) + rows[ESTIMATE_DIGEST] + rows["parameters"]).fillna(own)
+    estimates = (rows[ESTIMATE_DIGEST] + rows["parameters"]).fillna("")
+    numbers = rows.reindex(columns=[*COPIED, *MISSED]).to_dict("records")
+    return own.iloc[originals(zip(truths(rows), estimates, numbers, strict=True))].set_axis(
+        own.index
+    )
+
+
+MISSED = "counts.missed", "judged.truth_states"
+COPIED = ("total", *PARTS, "summary.mean_error", "summary.median_error")
+"""Numbers of a run that are the same in its copies, because they do not depend on ids."""
+
+
+def originals(runs: Iterable[tuple[str, str, Mapping[Any, Any]]]) -> list[int]:
+    """Return for each run the index of the first run of which it is a copy, or its own index.
+
+    A copy has the same truth and the same estimate; the ids of tracks can differ. If their digests
+    differ, copies agree in all digits of their costs and errors. Round numbers are no evidence. A
+    run without estimated states is never a copy, because it is no sign of a seed that was not set.
+
+    Parameters
+    ----------
+    runs : iterable of tuple
+        For each run: digest of the truth, digest of the estimate with its parameters or a blank,
+        and its numbers by the columns of a row.
+    """
+    known: dict[object, int] = {}
+    firsts = []
+    for k, (truth, estimate, numbers) in enumerate(runs):
+        cost = numbers["localisation"]
+        keys: list[object] = [(truth, estimate)] if estimate else []
+        if abs(cost - float(f"{cost:.5g}")) > 1e-12 * cost:
+            keys.append((truth, *(str(numbers.get(name)) for name in COPIED)))
+        missed, states = (numbers[name] for name in MISSED)
+        if missed >= states and not numbers["false"]:
+            keys = []
+        firsts.append(next((known[key] for key in keys if key in known), k))
+        known |= dict.fromkeys(keys, firsts[-1])
+    return firsts
 
 
 def about_copies(name: str, runs: Iterable[object]) -> Iterator[Notice]:
-    """Yield a warning if some runs of a tracker are copies; `runs` has the data of each run."""
+    """Yield a warning if some runs of a tracker are copies; copies are equal in `runs`."""
     copies = sum(count for count in Counter(runs).values() if count > 1)
     if copies:
         of = f" of {name}" if name else ""
         yield Notice(
             code="copies",
             text=f"{counted(copies, 'run')}{of} are copies of one another, with the same truth and "
-            "the same estimate",
+            "the same estimate apart from ids",
             remedy="copies count as one run in intervals and tests; check the seeds of the runs",
         )
 

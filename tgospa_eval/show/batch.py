@@ -949,7 +949,9 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     yield f"{where}{order} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
-        yield f"{begin}: at least 6 are needed for a test about {ranking.population}"
+        copied = ranking.truths == 1 and ranking.jobs >= 6
+        why = "; copies count once: a test needs different runs on both sides, or several truths"
+        yield f"{begin}: at least 6 are needed for a test about {ranking.population}{why * copied}"
         return
     first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
     if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):

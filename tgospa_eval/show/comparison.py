@@ -151,7 +151,7 @@ def study_rows(document: Json) -> list[study_table.StudyRow]:
             place=table_text.place_in_words(*item["place"], shared=item["name"] in equal)
             if pairs
             else "",
-            p=p_values.get(item["name"], nan) if item["confidence"] and pairs else None,
+            p=p_values.get(item["name"], nan) if any(p_values.values()) else None,
             numbers=item[SUMMARY] | dotted(item.get("with", {})),
         )
         for item in items
@@ -239,11 +239,14 @@ def _ranking_notes(document: Json) -> Iterator[str]:
     if len(estimates) > 1:
         verdicts = {pair["verdict"] for pair in document["pairs"]}
         title = study_table.value_name(document["parameters"]["order"], document["runs"])
-        if estimates[0]["confidence"]:
+        if any(item["confidence"] for item in estimates):
+            once = any(record["code"] == "copies" for record in document["warnings"])
             yield (
-                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}: "
-                "by Student's t and the jackknife; p of the difference to the best: by a two-sided "
-                "permutation test, adjusted for all pairs (Holm); significant below 0.05"
+                f"{title} and its {study_table.INTERVAL} over {counted(document['runs'], 'run')}"
+                f"{', where copies count once' * once}: by Student's t and the jackknife"
+                + "; p of the difference to the best: by a two-sided permutation test, adjusted "
+                "for all pairs (Holm); significant below 0.05"
+                * (document["pairs"][0]["p_holm"] is not None)
             )
         yield "; ".join(
             [

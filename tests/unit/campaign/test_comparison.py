@@ -325,14 +325,16 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     assert r"b & \underline{" in latex
 
 
+@pytest.mark.parametrize("ids", [False, True])  # whether each copy has ids of its own
 @pytest.mark.parametrize(("a", "pairs"), [([1] * 7, 1), ([1, 2, 3, 4, 5, 6, 6], 6)])
 def test_copies_of_a_run_count_once(
-    write: Write, invoke: Invoke, tmp_path: Path, a: list[int], pairs: int
+    write: Write, invoke: Invoke, tmp_path: Path, a: list[int], pairs: int, ids: bool
 ) -> None:
     for tracker, more in (("a", 0), ("b", 1)):
         (tmp_path / tracker).mkdir()
         for run, error in enumerate(a):
-            write(f"{tracker}/{run}.csv", track(error / 2, error + more, 0))
+            text = track(error / 2, error + more + 1 / 7, 0)
+            write(f"{tracker}/{run}.csv", text.replace("\n7,", f"\n{run}9,") if ids else text)
     metric = "-c", "90", "-g", "1", "-q", "--format", "json"
     folder, truth = tmp_path.as_posix(), write("t.csv", TRUTH)
     one = invoke("compare", truth, f"{folder}/a/*.csv", f"{folder}/b/*.csv", *metric)
@@ -357,6 +359,47 @@ def test_copies_of_a_run_count_once(
     assert all(
         (p["band_low"] is None) is (pairs == 1) for c in document["curves"] for p in c["points"]
     )
+
+
+def test_runs_that_are_no_copies(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Runs that crashed are in every test, and so are runs with the same few round numbers."""
+    for tracker in "ab":
+        (tmp_path / tracker).mkdir()
+    errors = [0, 1, 1, 2, 3, 2, 2, 1]
+    for run in range(8):
+        write(f"a/{run}.csv", track(*errors[run:], *errors[:run]))
+        write(f"b/{run}.csv", track(*[4 + run / 7] * 8) if run < 4 else "id,t,x\n")
+    truth, folder = write("t.csv", track(*[0] * 8)), tmp_path.as_posix()
+    both = f"{folder}/a/*.csv", f"{folder}/b/*.csv"
+    answer = invoke("compare", truth, *both, "-c", "90", "-g", "1", "-q", "--format", "json")
+    document = json.loads(answer.out)
+    assert "copies" not in [item["code"] for item in document["warnings"]]
+    assert document["pairs"][0]["p_value"] == pytest.approx(2 / 2**8)
+
+
+def test_the_interval_of_a_random_tracker_beside_copies(
+    write: Write, invoke: Invoke, tmp_path: Path
+) -> None:
+    for tracker in "ab":
+        (tmp_path / tracker).mkdir()
+        for run in range(8):
+            write(f"{tracker}/{run}.csv", track(1 / 3, (2 + run) / 7 if tracker == "a" else 3, 0))
+    truth, metric = write("t.csv", TRUTH), ("-c", "90", "-g", "1")
+    said = invoke("compare", truth, "a/*.csv", "b/*.csv", *metric)
+    assert "a test needs different runs on both sides, or several truths" in " ".join(
+        said.out.split()
+    )
+    answer = invoke("compare", truth, "a/*.csv", "b/*.csv", *metric, "--format", "json")
+    compared = {item["name"]: item["confidence"] for item in json.loads(answer.out)["estimates"]}
+    jobs = "--estimate", "{tracker}/{run}.csv", "-o", "s", "--by", "tracker"
+    batch = json.loads(
+        invoke("batch", "--truth", truth, *jobs, *metric, "--format", "json", "-q").out
+    )
+    each = {item["name"]: item["per_step_confidence"] for item in batch["ranking"]}
+    assert each == {
+        name: ends and [pytest.approx(end) for end in ends] for name, ends in compared.items()
+    }
+    assert (compared["b"], bool(compared["a"])) == (None, True)
 
 
 def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:

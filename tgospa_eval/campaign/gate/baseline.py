@@ -250,16 +250,17 @@ def make_entry(
 def with_nights(entry: Json, before: Json | None) -> Json:
     """Add the values of the entry `before` to a new entry, as earlier nights.
 
-    Nothing is added if the parameters or the data of the two entries differ. If both entries have
-    the same estimate, the newest night of `before` is left out, because the new entry has the same
-    values.
+    Nothing is added if the parameters or the data of the two entries differ. Nights of `before` are
+    left out if they have the values of the new entry. If both entries have the same estimate, so is
+    the newest night of `before`.
     """
     if before is None or [*unlike(entry["parameters"], before["parameters"])]:
         return entry
     if incomparable({"now": entry["judged"], "before": before["judged"]}):
         return entry
     same = entry["estimate_sha256"] and entry["estimate_sha256"] == before.get("estimate_sha256")
-    nights = nights_of(before)[1 if same else 0 :][: MAX_NIGHTS - 1]
+    nights = [one for one in nights_of(before)[1 if same else 0 :] if one != entry["values"]]
+    nights = nights[: MAX_NIGHTS - 1]
     return entry | ({"nights": nights} if nights else {})
 
 

@@ -37,6 +37,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ from tgospa_eval.campaign.gate.baseline import (
 from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, MIN_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.suite import GroupTable
-from tgospa_eval.campaign.row import about_copies
+from tgospa_eval.campaign.row import COPIED, MISSED, about_copies, originals
 from tgospa_eval.campaign.statistics import exchanged_p_values, exchanges, holm
 from tgospa_eval.common import patterns
 from tgospa_eval.common.arrays import Floats
@@ -120,13 +121,26 @@ class SceneRuns:
     paired: bool
     added: Mapping[str, Measured]
 
-    @property
-    def data(self) -> tuple[list[object], list[object]]:
-        """Digests of truth and estimate of each new run, and of each run of the baseline."""
-        now = [(one.evaluated_on["truth_sha256"], one.estimate) for one in self.now]
-        old = [(e["judged"]["truth_sha256"], e.get("estimate_sha256")) for e in self.old]
+    @cached_property
+    def originals(self) -> tuple[list[int], list[int]]:
+        """Results of `row.originals` for the new runs and for those of the baseline."""
+        now = [
+            (one.evaluated_on, one.estimate, {path: v.upper for path, v in one.values.items()})
+            for one in self.now
+        ]
+        old = [
+            (
+                e["judged"],
+                e.get("estimate_sha256", ""),
+                {p: value_at(e["values"], p) for p in (*COPIED, MISSED[0])},
+            )
+            for e in self.old
+        ]
         first, second = (
-            list[object]((truth, own or k) for k, (truth, own) in enumerate(side))
+            originals(
+                (judged["truth_sha256"], estimate, {**values, MISSED[1]: judged["truth_states"]})
+                for judged, estimate, values in side
+            )
             for side in (now, old)
         )
         return first, second
@@ -134,14 +148,17 @@ class SceneRuns:
     @cached_property
     def tested(self) -> tuple[list[int], list[int]]:
         """Indices in `now` and in `old` of the runs that a test uses; copies are left out."""
-        sides = self.data
+        first, second = ([k for k, own in enumerate(s) if own == k] for s in self.originals)
         if self.paired:
-            kept = [k for k in range(len(self.now)) if all(s.index(s[k]) == k for s in sides)]
-            return kept, kept
-        first, second = (
-            [k for k, data in enumerate(side) if side.index(data) == k] for side in sides
-        )
+            first = second = [k for k in first if k in second]
         return first, second
+
+    def rises(self, now: Floats, old: Sequence[Floats]) -> Rises | None:
+        """Return the rises of the costs of new runs above their limits; copies add no certainty."""
+        first, second = self.tested
+        used = old if self.paired else [old[k] for k in second]
+        rises = Rises.of_costs(now, used, paired=self.paired)
+        return rises and replace(rises, of_mean=rises.of_mean * len(now) / len(first))
 
     def missed(self) -> Rises:
         """Return the rises of the missed shares of new runs above those of the baseline."""
@@ -176,7 +193,8 @@ class SceneRuns:
         runs = [*zip(self.names, self.now, p_values, could_live, strict=True)]
         runs += [(name, one, 1.0, True) for name, one in self.added.items()]
         for name, one, p, alive in runs if ever < math.inf else ():
-            states, missed = one.evaluated_on["truth_states"], one.values[ALIVE.path]
+            states = one.evaluated_on["truth_states"]
+            missed = replace(one.values[ALIVE.path], proven=one.silent)
             before = round(ever * states, 9)
             limit = before + (states - before) * (0.25 if p <= FALSE_ALARMS else 0.5)
             if alive and missed.lower > limit and (one.silent or states >= MIN_STATES):
@@ -187,9 +205,8 @@ class SceneRuns:
                     f"{'living run' if died else 'run'} of {self.name} in the baseline missed "
                     f"more than {before:g}{f' of {states}' * (len(lengths) > 1)}"
                 )
-                findings.append(
-                    replace(rules.judge(replace(ALIVE, slack=limit), missed, before), note=note)
-                )
+                finding = rules.judge(replace(ALIVE, slack=limit), missed, before)
+                findings.append(replace(finding, note=note, run=name))
         return findings
 
 
@@ -222,12 +239,31 @@ class Group:
         return sum(len(scene.tested[0]) for scene in self.scenes)
 
     def warnings(self) -> Iterator[Notice]:
-        """Yield warnings about new runs that are not in the baseline, and about copies."""
+        """Yield warnings about new runs that are not in the baseline, and about copies.
+
+        Copies in the baseline matter only without copies among the new runs.
+        """
         added = [name for scene in self.scenes for name in scene.added]
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
             yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
-        yield from about_copies("", (data for scene in self.scenes for data in scene.data[0]))
+        now, old = ([(s.name, k) for s in self.scenes for k in s.originals[i]] for i in (0, 1))
+        yield from [*about_copies("", now)] or about_copies("the baseline", old)
+
+
+def copied_runs(
+    tables: Iterable[GroupTable],
+    now: Mapping[str, Measured],
+    baseline: Baseline,
+    labels: Mapping[str, Labels],
+) -> list[str]:
+    """Return warnings about copies among runs that become the baseline."""
+    return [
+        f"group {group.name}: {warning}"
+        for table in tables
+        for group in _groups(table, now, baseline, labels, ())
+        for warning in group.warnings()
+    ]
 
 
 def judge_groups(
@@ -361,9 +397,7 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
         return {}
     scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
     notes: dict[int, str] = {}
-    p_values = jumps(
-        [Rises.of_costs(now, old, paired=scene.paired) for _, scene, (now, old) in scenes]
-    )
+    p_values = jumps([scene.rises(*side) for _, scene, side in scenes])
     for (one, scene, _), (whole, each) in zip(scenes, p_values, strict=True):
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
@@ -493,6 +527,9 @@ def _group(
                     now[mine[0]].parameters, old[theirs[0]]["parameters"]
                 )
             ]
+            sides = [old[run]["judged"] for run in theirs], [now[run].evaluated_on for run in mine]
+            for run in [mine[k] for k in _foreign(*sides)]:
+                reasons += [f"{run}: {text}" for text in differences(old[theirs[0]], now[run])]
         faults += reasons[:1]
         names = common or mine
         scenes.append(
@@ -511,6 +548,21 @@ def _group(
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
     return Group(name=name, scenes=tuple(scenes), faults=tuple(faults))
+
+
+def _foreign(old: Sequence[Json], now: Sequence[Mapping[str, Any]]) -> Iterator[int]:
+    """Yield the indices of new runs that are judged on steps or a truth that no run in `old` has.
+
+    The runs have other seeds than those in `old`. If no two seeds have the same truth, only steps
+    that are the same in the whole baseline matter.
+    """
+    known = {name: {one[name] for one in old} for name in ("steps_sha256", "truth_sha256")}
+    shared = any(len({one["truth_sha256"] for one in side}) < len(side) for side in (old, now))
+    if not shared:
+        known = {name: own for name, own in known.items() if "steps" in name and len(own) == 1}
+    for k, one in enumerate(now):
+        if any(one[name] not in own for name, own in known.items()):
+            yield k
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -601,13 +653,14 @@ class Summed:
 
     @property
     def is_tested(self) -> bool:
-        """True if the value is tested: a scene has several seeds, and the rule limits a change.
+        """True if the value is tested: a scene has different runs, and the rule limits a change.
 
-        Absolute limits and values of assigned pairs are not tested.
+        Different runs on one side are enough: they show that seeds matter. Absolute limits and
+        values of assigned pairs are not tested.
         """
         rule = self.finding.rule
-        return self.group.tested > len(self.group.scenes) and not (
-            rule.absolute or rules.is_beside(rule.path)
+        return not (rule.absolute or rules.is_beside(rule.path)) and any(
+            len({*own}) > 1 for scene in self.group.scenes for own in scene.originals
         )
 
     def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:

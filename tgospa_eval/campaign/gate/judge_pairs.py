@@ -20,7 +20,7 @@ from tgospa_eval.campaign.gate.baseline import (
     nights_of,
     with_nights,
 )
-from tgospa_eval.campaign.gate.groups import few_runs, judge_groups
+from tgospa_eval.campaign.gate.groups import copied_runs, few_runs, judge_groups
 from tgospa_eval.campaign.gate.options import GateOptions
 from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
@@ -351,7 +351,13 @@ def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
 MAX_PAGES = 200
 """Largest number of pairs for which each pair has a page; with more, passing pairs have none."""
 
-IN_GROUP = "not in the baseline: its group tells what judges it"
+DEAD = (
+    "this night raises the limits, but a dead run still fails, as the run lived in another night",
+    "a baseline with a dead run allows such a run again, and raises the limits",
+)
+"""Effect of a dead run on the baseline: if it lived in another night, or in none."""
+
+IN_GROUP = "not in the baseline: only its group and rules of 'max' judge it"
 
 
 def _updated(
@@ -377,7 +383,8 @@ def _updated(
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
             raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair has such a name")
-    new, outcomes, dead = dict(old), list[PairOutcome](), list[str]()
+    new, outcomes, dead = dict(old), list[PairOutcome](), dict[str, list[str]]()
+    results = dict[str, Measured]()
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
         before = old.get(pair.name)
@@ -389,9 +396,12 @@ def _updated(
         except TgospaError as error:
             lines = (f"{gate.prefix(pair.name)}{line}" for line in error.args)
             raise type(error)(*lines) from None
+        results[pair.name] = now
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
-        if now.values["counts.missed"].lower >= now.evaluated_on["truth_states"] > 0:
-            dead.append(pair.name)
+        states, nights = now.evaluated_on["truth_states"], nights_of(new[pair.name])
+        if now.values["counts.missed"].lower >= states > 0:
+            ever = all(night["counts"]["missed"] >= states for night in nights)
+            dead.setdefault(DEAD[ever], []).append(pair.name)
     names = {pair.name for pair in pairs}
     gone = [name for name in old if name not in names and gate.chosen(name)]
     for name in gone if gate.prune else ():
@@ -404,8 +414,9 @@ def _updated(
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
     empty = [
-        f"{listed(dead, 5)}: misses all ground-truth states: a baseline with a dead run allows "
-        "such a run again, and raises the limits; check the estimate before you commit the baseline"
+        f"{listed(names, 5)}: misses all ground-truth states: {effect}; check the estimate before "
+        "you commit the baseline"
+        for effect, names in dead.items()
     ]
     return Report(
         baseline=path,
@@ -414,7 +425,8 @@ def _updated(
         tally=tally,
         notices=(
             *([f"{path}: the merge conflict is resolved by new entries"] if merged else ()),
-            *(empty if dead else ()),
+            *empty,
+            *copied_runs(groups, results, new, {pair.name: pair.labels for pair in pairs}),
             *_few_runs(pairs, groups, new),
         ),
     )

@@ -36,7 +36,7 @@ from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, messages_of
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.quoting import option, visible
 from tgospa_eval.results.records import PARTS, Json
@@ -402,7 +402,8 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
         f"{warning}{rule.path} of these files is {change}({before} -> {now}"
         f"{', proven' if finding.proven else ''}), {limit} allowed by {rule.text}"
     )
-    runs = f"{inference.runs} runs with {'the same' if inference.paired else 'other'} seeds"
+    seeds = f"{'the same' if inference.paired else 'other'} seeds"
+    runs = f"{counted(inference.runs, 'run')} with {seeds}"
     p = f"p = {inference.p_value:.2g}"
     supported = inference.supports(inference.p_value)
     if inference.jump:
@@ -415,9 +416,9 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     if inference.runs < inference.needed:
         without = f"Without {option('strict')}, o" if mark else "O"
         yield (
-            f"{mark}within noise: {runs} are too few for the test; it needs {inference.needed} "
-            f"runs, or fewer groups and rules. {without}nly a jump (a total far above the usual "
-            "spread of its seeds) or a dead run could fail"
+            f"{mark}within noise: {runs}, too few different runs for the test; it needs "
+            f"{inference.needed} runs, or fewer groups and rules. {without}nly a jump (a total far "
+            "above the usual spread of its seeds) or a dead run could fail"
         )
     elif math.isinf(inference.noticeable):
         yield f"{mark}within noise: few of {runs} are worse, {p}"
@@ -521,6 +522,8 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
         yield "new in the baseline"
     elif before == entry:
         yield "unchanged"
+    elif entry["values"] in nights_of(before) and len(nights_of(entry)) == len(nights_of(before)):
+        yield "the baseline has a night with the same values, so this one is not added again"
     elif incomparable({"before": before["judged"], "now": entry["judged"]}):
         yield "the truth has changed"
     kept, nights = len(nights_of(entry)), len(nights_of(before)) if before else 1
@@ -563,7 +566,9 @@ def accepting_options(
     comparable.
     """
     there = {pair.name: pair for pair in pairs}
+    outcomes = [*outcomes]
     broken = any(pair.fault and pair.fault_is == Verdict.ERROR for pair in pairs)
+    broken = broken or any(one.verdict is Verdict.ERROR for one in outcomes)
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {name: pair.labels for name, pair in there.items()}
 

@@ -534,7 +534,8 @@ def _cases(outcome: PairOutcome, messages: list[str]) -> Iterator[str]:
             (" min" if rule.is_minimum else " max") if rule.absolute else " less" * rule.is_minimum
         )
         kind += " warning" * rule.warns
-        yield _case(outcome, rule.path + kind, seconds, result + _output(lines))
+        name = f"{rule.text}: {finding.run}" if finding.run else rule.path + kind
+        yield _case(outcome, name, seconds, result + _output(lines))
 
 
 def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:

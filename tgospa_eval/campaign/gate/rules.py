@@ -241,6 +241,8 @@ class Finding:
         Message that replaces the usual message of the rule.
     low : float, optional
         Proven lower bound of the baseline, if `base` is an upper bound.
+    run : str
+        Name of a dead run; else blank.
     """
 
     rule: Rule
@@ -252,6 +254,7 @@ class Finding:
     noisy: bool = False
     note: str = ""
     low: float | None = None
+    run: str = ""
 
     @property
     def proven(self) -> bool:
@@ -395,6 +398,11 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
                     "PATH:..MOST, as nees:1.5..2.5"
                 )
             low = sign == "least"
+            smallest = (limits or {}).get("least")
+            if smallest is not None and limit < smallest:
+                raise ConfigError(
+                    f"{option(name)} {quoted(text)}: LEAST is above MOST; write the smaller first"
+                )
             shown = f"{path}{'>=' if low else '<='}{given[sign]}"
             warns = name == "warn_on"
             yield Rule(
