@@ -214,12 +214,14 @@ HEADER_ALIASES = {
         "base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting east",
         "y": COORDINATE.format("y") + " northing utm_northing north",
-        "z": COORDINATE.format("z"),
+        "z": f"{COORDINATE.format('z')} up down",
         "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
         "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
         "gps_altitude elevation elev height hgt baro_altitude z",
+        "range": "range",
+        "bearing": "bearing",
         "elevation": "elevation elev",
         "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
         "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
@@ -269,12 +271,13 @@ ANGLES = {
 UNITS = {
     "t": TIMES,
     **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
-    **dict.fromkeys(("lat", "lon"), DEGREES),
+    "range": LENGTHS,
+    **dict.fromkeys(("lat", "lon", "bearing", "elevation"), ANGLES),
     "alt": ("m", "meter", "meters", "metre", "metres"),
 }
 """Units that may follow the name in a header, by name.
 
-For example, ``lat_deg`` is read as ``lat``, but ``lat_rad`` is not."""
+For example, ``lat_deg`` is read as ``lat``. Heights ``alt`` must be in metres."""
 
 HINTS = {
     "id": "id$|mmsi|hex|icao|trac?k|trk|traj|obj|target|call_?sign|flight|name|who",
@@ -346,6 +349,8 @@ class Headers:
         Beginning of messages.
     hidden : sequence of str
         Headers that are only used if they are mapped.
+    axes : sequence of str
+        Directions of x, y and z; by default x is to the east, and y to the north.
     """
 
     def __init__(
@@ -355,8 +360,10 @@ class Headers:
         option: str,
         where: str,
         hidden: Sequence[str] = (),
+        axes: Sequence[str] = (),
     ) -> None:
         self.names, self.mapped, self.option, self.where = names, mapped, option, where
+        self.axes = axes or ("east", "north", "up")
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
@@ -368,6 +375,8 @@ class Headers:
         for k, name in enumerate(names):
             self.folded.setdefault(name.casefold(), []).append(k)
             for key, unit in _keys(name):
+                if self.axes[0] == "north":  # read east as y, and north as x
+                    key = re.sub("east|north", lambda m: OTHER_AXIS[m[0]], key)
                 self.keyed.setdefault(key, []).append((k, unit))
         self.directions = [names[k] for k in self.folded.get("track", ()) if self._has_directions]
         self.hidden |= {names.index(name) for name in self.directions}
@@ -560,6 +569,21 @@ def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
 def words_of(header: str) -> list[str]:
     """Split a header into its words, in lower case."""
     return re.findall(r"[^\W_]+", header.casefold()) or [""]
+
+
+OTHER_AXIS = {"east": "north", "north": "east"}
+DIRECTIONS = {
+    **dict.fromkeys(("east", "easting"), "east"),
+    **dict.fromkeys(("north", "northing"), "north"),
+    **dict.fromkeys(("up", "alt", "altitude", "elev", "elevation", "hae", "height", "hgt"), "up"),
+    "down": "down",
+}
+"""Direction of an axis, by a word in its header."""
+
+
+def direction_of(header: str) -> str:
+    """Return the direction of an axis by the words of its header; blank if they do not say it."""
+    return next((DIRECTIONS[word] for word in words_of(header) if word in DIRECTIONS), "")
 
 
 CLOSING = tuple(")]>}")

@@ -29,6 +29,8 @@ from tgospa_eval.formats.headers import (
     FRACTIONS,
     GROUP,
     ID_MARK,
+    LENGTHS,
+    OTHER_AXIS,
     PREFIXES,
     SKIPPED,
     SPREAD,
@@ -37,6 +39,7 @@ from tgospa_eval.formats.headers import (
     Mix,
     absent,
     ask,
+    direction_of,
     has_patterns,
     objects_in,
     parse_columns,
@@ -305,7 +308,11 @@ class Roles:
         return answer
 
 
-OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
+OF_HEIGHTS: dict[tuple[str, ...], str] = {
+    PLACES: HEIGHT,
+    ("x", "y"): "z",
+    ("range", "bearing"): "elevation",
+}
 """Name of the column of heights or elevations, by the names of the other two state columns."""
 
 
@@ -322,9 +329,9 @@ def _with_height(
     - ``""`` ignores them. The header is blank.
     """
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
-    of_boxes = headers.places("height") if headers.places("width") else []
-    known = [k for k in headers.places(name) if k not in of_boxes] if name else []
-    column = next(iter(known), None)  # the most usual name
+    sizes = _heights_of_objects(headers)
+    known = headers.places(HEIGHT if name == "z" else name)  # the most usual name is first
+    column = next((k for k in known if k not in sizes), None) if name else None
     if column is None:
         return wanted, ""
     if options.heights == "tell":
@@ -333,19 +340,35 @@ def _with_height(
     return (*wanted, name), ""
 
 
-OTHER_HEIGHT = re.compile(
-    r"((baro|geo|geometric)[ _]?)?(alt|altitude|hae|height)\W?_?\W?(ft|feet|km|fl)\W?",
-    re.IGNORECASE,
+def _heights_of_objects(headers: Headers) -> set[int]:
+    """Return the columns ``height`` that are sizes, as the table also has a width or a length."""
+    sized = any({"length", "width"} & {*words_of(name)} for name in headers.names)
+    return {*headers.places("height")} if sized or headers.places("width") else set()
+
+
+HEIGHTS = re.compile(
+    r"((baro|geo|press|g[np]s)\w*)? ?(alt(itude)?|elev(ation)?|hae|hgt|height|flight ?level)"
+    r"( ?((baro|geo|ellips)\w*|above \w+( \w+)*|g[np]ss?|a?msl|agl|wgs84|fl|"
+    + "|".join(unit for unit, metres in LENGTHS.items() if metres)
+    + "))*"
 )
-"""Pattern of headers of heights that are not in metres."""
+"""Pattern of the words of a header of heights in any unit, above any surface."""
 
 
-def _other_unit(header: str) -> Notice:
-    """Return the warning that heights are left out, because they are not in metres."""
-    return Notice(
+def _other_heights(
+    headers: Headers, wanted: tuple[str, ...], unused: Sequence[str]
+) -> Iterator[Notice]:
+    """Warn if heights are left out, because it is not sure that they are metres, or heights."""
+    sizes = [headers.names[k] for k in _heights_of_objects(headers)]
+    found = [n for n in unused if n not in sizes and HEIGHTS.fullmatch(" ".join(words_of(n)))]
+    if not found or wanted not in (PLACES, ("x", "y")):
+        return
+    both = ask(headers.option, [*wanted, f"{OF_HEIGHTS[wanted]}={found[0]}"])
+    yield Notice(
         code="heights-left-out",
-        text=f"heights ({header}) are left out: they are not in metres",
-        remedy="to compare heights, write them in metres in a column alt",
+        text=f"heights ({listed(found)}) are left out",
+        remedy=f"if both files have heights in {'metres' if wanted == PLACES else 'one unit'}, "
+        f"{both} compares them",
     )
 
 
@@ -379,7 +402,7 @@ def find_roles(
         names = _lengthened(names, mapped)
     if options.boxes:
         wanted = _box_columns(wanted)
-    headers = Headers(names, mapped, options.option, where, options.hidden)
+    headers = Headers(names, mapped, options.option, where, options.hidden, options.axes)
     second = _second_of_times(headers)
     more_ids = _more_ids(headers)
     missing = without_maps(headers, options)
@@ -394,6 +417,7 @@ def find_roles(
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         fault = absent(headers, (identity, time), by_name)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
+    state = _along(options.axes, headers, by_name)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
     spread = _spread(wanted, state, headers) if options.covariance else None
@@ -453,12 +477,39 @@ def find_roles(
         doubts=(
             *(() if named or options.boxes else mixes.doubts),
             *(
-                map(_other_unit, filter(OTHER_HEIGHT.fullmatch, unused))
-                if wanted == PLACES and options.heights
-                else ()
+                ()
+                if fixed or height or (not options.heights if wanted == PLACES else named)
+                else _other_heights(headers, wanted, unused)
             ),
         ),
     )
+
+
+def _along(
+    axes: tuple[str, ...], headers: Headers, by_name: dict[str, Mix | None]
+) -> tuple[Mix, ...]:
+    """Return the state along axes with known directions: a height along "down" is negated.
+
+    Raises
+    ------
+    InputError
+        The user mapped x or y to a header that names the other axis.
+    """
+    state = {name: mix for name, mix in by_name.items() if mix is not None}
+    for name, axis in zip("xyz", axes, strict=False):
+        header = headers.names[state[name][0][0]] if len(state.get(name, ())) == 1 else ""
+        direction = direction_of(header)
+        if name == "z" and direction == {"up": "down", "down": "up"}[axis]:
+            state[name] = ((state[name][0][0], -1.0),)
+        elif direction == OTHER_AXIS.get(axis):
+            swapped = {**headers.mapped, "xy"[name == "x"]: header}
+            swapped |= {name: headers.names[state["xy"[name == "x"]][0][0]]}
+            remedy = ask(headers.option, [f"{one}={own}" for one, own in swapped.items()])
+            raise InputError(
+                f"{headers.where}: {name} is read from {quoted(header)}, but {name} is {axis} in "
+                f"these axes; use {remedy}"
+            )
+    return tuple(state.values())
 
 
 def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
@@ -638,20 +689,19 @@ class _Mixes:
         They are the first of these that the table has:
 
         1. x, y: the centres of boxes that the user mapped
-        2. x, y, z, or only the first one or two of them
+        2. x, y, z as far as present, but not without x
         3. lat, lon
         4. x, y: the centres of other boxes
         5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if unknown positions are hidden
 
-        For 2 to 4, headers that are equal to the names have priority over aliases.
+        For 2 to 4, headers that are equal to x, to lat and lon, or to the names of a box have
+        priority over aliases.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
         for find in (self.plainly, self.headers.find):
-            places = [find(name) for name in ("x", "y", "z")]
-            size = places.index(None) if None in places else 3
-            if size:
-                return ("x", "y", "z")[:size]
+            if find("x") is not None:
+                return tuple(name for name in "xyz" if self.headers.find(name) is not None)
             if find("lat") is not None and find("lon") is not None:
                 return ("lat", "lon")
             if self.plain_box if find is self.plainly else self.box:

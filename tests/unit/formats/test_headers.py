@@ -105,8 +105,34 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
     assert rows_of(read_trajectories(path, columns=("x", "y"))) == {("a", 1): (5.0, 6.0)}
     path = write("b.csv", "id,t,pos_x,pos_y,left,top,width,height\na,1,0,0,10,20,4,6\n")
     assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
-    radians = write("c.csv", "id,t,lat_rad,lon_rad\na,1,0,0\n")
-    assert "no column for position" in refusal(radians)[0]
+
+
+@pytest.mark.parametrize(
+    "header", ["x,z", "X,pos_z", "east,north,up", "north,east,down", "x,y,z_m"]
+)
+def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
+    size = len(header.split(","))
+    path = write("a.csv", f"id,t,{header}\na,1,{','.join('345'[:size])}\n")
+    found = read(path)
+    assert not found.unused
+    assert found.trajectories.columns == (("x", "z") if size == 2 else ("x", "y", "z"))
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("x,y,alt", "x', 'y', 'z=alt'"),
+        ("easting,northing,Elevation (m)", "'z=Elevation (m)'"),
+        ("x,y,height", "'z=height'"),
+        ("x,y,length,height", ""),
+        ("x,y,person_height", ""),
+        ("x,y,alt_rate", ""),
+    ],
+)
+def test_heights_beside_x_and_y_are_told(write: Write, header: str, said: str) -> None:
+    reading = read(write("a.csv", f"id,t,{header}\na,1{',2' * (header.count(',') + 1)}\n"))
+    assert [said in str(one) for one in reading.warnings] == [True] * bool(said)
+    assert {one.code for one in reading.warnings} <= {"heights-left-out"}
 
 
 @pytest.mark.parametrize(
