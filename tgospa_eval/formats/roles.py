@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.spread import SpreadColumns
 from tgospa_eval.formats.headers import (
     BOX,
+    CORNERS,
     EDGES,
     FIRST_ALIASES,
     FRACTIONS,
@@ -641,20 +642,23 @@ class _Mixes:
         place = [self.plainly(name) for name in ("x", "y")]
         if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
             return
-        with suppress(InputError):  # raised if several headers fit
-            size = [self.headers.find(name) for name in ("width", "height")]
-            if None in size or self.box:
+        for edges in (BOX, CORNERS):
+            with suppress(InputError):  # raised if several headers fit
+                size = [self.headers.find(name) for name in edges[2:]]
+                if None in size or self.box:
+                    continue
+                names = [self.headers.names[k] for k in (*place, *size) if k is not None]
+                corner = [f"{name}={header}" for name, header in zip(edges, names, strict=True)]
+                centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
+                or_centre = f", {ask(self.headers.option, centre)} if the centre"
+                yield Notice(
+                    code="corner-or-centre",
+                    text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or "
+                    "the centre of boxes, and are compared as they are",
+                    remedy=f"{ask(self.headers.option, corner)} if they are the corner"
+                    + or_centre * (edges == BOX),
+                )
                 return
-            names = [self.headers.names[k] for k in (*place, *size) if k is not None]
-            corner = [f"{name}={header}" for name, header in zip(BOX, names, strict=True)]
-            centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
-            yield Notice(
-                code="corner-or-centre",
-                text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or the "
-                "centre of boxes, and are compared as they are",
-                remedy=f"{ask(self.headers.option, corner)} if they are the corner, "
-                f"{ask(self.headers.option, centre)} if the centre",
-            )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
         """Return a quantity, or None if the table lacks it.

@@ -119,6 +119,27 @@ def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("header", "corners"),
+    [
+        *((f"{name},width,height", False) for name in ("upper_left_x,upper_left_y", "x_lu,y_lu")),
+        *((f"{name},w,h", False) for name in ("topleft_x,topleft_y", "top_left_x,top_left_y")),
+        *(
+            (name, True)
+            for name in ("xtl,ytl,xbr,ybr", "x0,y0,x1,y1", "box_x0,box_y0,box_x1,box_y1")
+        ),
+    ],
+)
+def test_boxes_are_known_by_the_names_of_their_corners(
+    write: Write, header: str, corners: bool
+) -> None:
+    end = "14,26" if corners else "4,6"
+    path = write("a.csv", f"id,t,{header}\na,1,10,20,{end}\n")
+    assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
+    boxes = read(path, ReadOptions(boxes=True)).trajectories
+    assert rows_of(boxes) == {("a", 1): (10.0, 20.0, 4.0, 6.0)}
+
+
+@pytest.mark.parametrize(
     ("header", "said"),
     [
         ("x,y,alt", "x', 'y', 'z=alt'"),
@@ -142,6 +163,10 @@ def test_heights_beside_x_and_y_are_told(write: Write, header: str, said: str) -
         ("name,secs,gps_east,gps_north", "b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
         ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
+        ("id,t,ECEF_X,ECEF_Y,ECEF_Z", "a,1,2,3,4", "x=ECEF_X,y=ECEF_Y,z=ECEF_Z"),
+        ("id,t,px,py,pz", "a,1,2,3,4", "x=px,y=py,z=pz"),
+        ("id,t,my_lat,my_lon,my_alt", "a,1,2,3,4", "lat=my_lat,lon=my_lon,alt=my_alt"),
+        ("id,t,my_north,my_east,my_down", "a,1,2,3,4", "x=my_east,y=my_north,z=my_down"),
     ],
 )
 def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
@@ -158,7 +183,8 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
             "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); ",
         ),
         ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
-        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
+        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty', 'z=tz'); "),
+        ("id,t,lower_left_x,lower_left_y", "is read from columns left, top and width, height or"),
     ],
 )
 def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
