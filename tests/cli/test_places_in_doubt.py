@@ -163,6 +163,21 @@ def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
         evaluate(truth, table, **given)
 
 
+def test_corners_in_a_format_of_widths_are_told(invoke: Invoke) -> None:
+    for name, by in (("gt.txt", 0), ("res.txt", 3)):
+        rows = [(f, k, x + by, y, x + w + by, y + h, 1) for f, k, x, y, w, h in boxes()]
+        Path(name).write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    metric = ("-c", "50", "-g", "10")
+    doubtful = invoke("gt.txt", "res.txt", *metric)
+    names = "t,id,left,top,right,bottom"
+    assert f"--estimate-columns {names} reads them so" in doubtful.err
+    answer = invoke("gt.txt", "res.txt", *metric, "--columns", names)
+    assert value(answer) == pytest.approx((12 * 9) ** 0.5, rel=1e-5)
+    rows = [(*row, 1) for row in boxes()]
+    Path("plain.txt").write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    assert "reads them so" not in invoke("plain.txt", "plain.txt", *metric).err
+
+
 def test_x_and_y_beside_the_other_corner_are_in_doubt(invoke: Invoke) -> None:
     for name, by in (("gt.csv", 0), ("res.csv", 20)):
         rows = [(f, k, x, y, x + w + by, y + h + by) for f, k, x, y, w, h in boxes()]

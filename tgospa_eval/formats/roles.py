@@ -106,6 +106,8 @@ class Roles:
         Unused columns of recordings, clusters or classes; ids may restart in each of these.
     flags : tuple of int
         Unused columns that may say which rows do not count, see `FLAG`.
+    halves : tuple of int
+        Columns that may say north or south, east or west, or a zone, see `HALF`.
     height : str
         Header of a column that is left out: heights of positions on the Earth, or elevations of
         positions by range and bearing.
@@ -138,6 +140,7 @@ class Roles:
     other_ids: tuple[int, ...] = ()
     groups: tuple[int, ...] = ()
     flags: tuple[int, ...] = ()
+    halves: tuple[int, ...] = ()
     height: str = ""
     stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
@@ -158,8 +161,8 @@ class Roles:
 
     @property
     def _needed(self) -> set[int]:
-        """Columns of attributes and filters, and further columns of ids."""
-        return {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        """Columns of attributes and filters, of half globes, and further columns of ids."""
+        return {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.halves}
 
     @property
     def known(self) -> set[int | None]:
@@ -437,7 +440,11 @@ def find_roles(
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
-    used |= {*attributes.values(), *where_columns.values()}
+    on_earth = wanted[:2] == PLACES
+    fits = (HALF if on_earth else ZONE).fullmatch
+    halves = tuple(k for k, name in enumerate(names) if fits(name) and k not in used)
+    halves = halves if len(halves) == 1 + on_earth else ()  # "ns" alone may be nanoseconds
+    used |= {*attributes.values(), *where_columns.values(), *(halves if on_earth else ())}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
@@ -473,6 +480,7 @@ def find_roles(
             and (match := FLAG.fullmatch(name))
             and (match["score"] is None or "truth" in (options.option.partition("_")[0], where))
         ),
+        halves=halves,
         height=height,
         options=options,
         doubts=(
@@ -567,6 +575,15 @@ FLAG = re.compile(
 
 A row seems not to count if its mark (``iscrowd``, ``ignore``) is not 0, or if its score or
 visibility is 0."""
+
+
+HALF = re.compile(
+    r"(gps[\W_]?)?(lat|lon|long|latitude|longitude)[\W_]?"
+    r"(ref|dir(ection)?|hemi(sphere)?|n[\W_]?s|e[\W_]?w)|(n[\W_]?s|e[\W_]?w)([\W_]?indicator)?",
+    re.IGNORECASE,
+)
+ZONE = re.compile(r"(utm[\W_]?)?zone", re.IGNORECASE)
+"""Patterns of headers of columns that may have N or S and E or W, or numbers of UTM zones."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:

@@ -118,6 +118,36 @@ def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
     assert found.trajectories.columns == (("x", "z") if size == 2 else ("x", "y", "z"))
 
 
+@pytest.mark.parametrize("marks", [("S", "W"), ("south", "West")])
+@pytest.mark.parametrize("header", ["lat,ns,lon,ew", "Latitude,LatDir,Longitude,lon_ref"])
+def test_hemispheres_are_the_signs_of_places(
+    write: Write, header: str, marks: tuple[str, str]
+) -> None:
+    path = write("a.csv", f"id,t,{header}\na,1,48,{marks[0]},11,E\na,2,-48,N,11,{marks[1]}\n")
+    reading = read(path)
+    assert rows_of(reading.trajectories) == {("a", 1): (-48.0, 11.0), ("a", 2): (-48.0, -11.0)}
+    assert not reading.unused
+    assert sum("is negative where" in text for text in reading.notices) == 2
+    other = write("b.csv", "id,sec,ns,lat,lon\na,1,0,48,11\na,2,0,48,11\n")
+    assert "ns" in read(other, ReadOptions(columns=("t=sec",))).unused
+
+
+@pytest.mark.parametrize(
+    ("header", "zones", "warned"),
+    [
+        ("easting,northing,utm_zone", ("32", "33"), True),
+        ("x,y,zone", ("32U", "33U"), True),
+        ("x,y,zone", ("32", "32"), False),
+        ("x,y,zone", ("A", "B"), False),
+    ],
+)
+def test_a_change_of_the_utm_zone_is_told(
+    write: Write, header: str, zones: tuple[str, str], warned: bool
+) -> None:
+    path = write("a.csv", f"id,t,{header}\na,1,5,6,{zones[0]}\na,2,5,6,{zones[1]}\n")
+    assert [one.code for one in read(path).warnings] == ["utm-zones"] * warned
+
+
 @pytest.mark.parametrize(
     ("header", "corners"),
     [
