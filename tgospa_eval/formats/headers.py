@@ -563,7 +563,7 @@ class Headers:
                 keys = [header.replace(parts[0], part) for part in parts]
                 if parts[0] in header and keys[1] in free:
                     each = zip(names, map(free.get, keys), strict=True)
-                    pairs.append({name: found for name, found in each if found})
+                    pairs.append({name: own for name, own in each if own})
         own = (self.option or self.where).split("_")[0]
         foreign = set().union(*(words for side, words in SIDES.items() if side != own))
         for is_likely in (
