@@ -64,8 +64,7 @@ def inspect(
     }
     if len(files) > 1:
         document["estimate"] = describe(*files[1])
-    if any(reading.pixels for _, reading in files):
-        warnings += unit_notices(request.unit)
+    warnings += unit_notices(request, [reading for _, reading in files])
     if sides is not None:
         document["both"] = both = compare(sides, request)
         every = *diagnose(sides, request), *lost_warnings(sides, time_matching)

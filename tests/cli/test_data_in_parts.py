@@ -433,13 +433,24 @@ def test_warnings_about_defaults_times_and_units_in_parts(invoke: Invoke, tmp_pa
         table = pd.DataFrame({"id": 1, "t": stamps, "x_m": range(4), "y_m": y})
         table.to_parquet(tmp_path / side / "a.parquet")
     folders = str(tmp_path / "t"), str(tmp_path / "e")
-    answer = invoke(*folders, "--memory", "1GB", "--jobs", "1", "--format", "json")
+    options = ("--memory", "1GB", "--jobs", "1", "--unit", "km", "--format", "json")
+    answer = invoke(*folders, *options)
     codes = [one["code"] for one in json.loads(answer.out)["warnings"]]
-    assert {"default-parameters", "calendar-numbers"} <= {*codes}
+    assert {"default-parameters", "calendar-numbers", "unit-label"} <= {*codes}
     assert codes.count("calendar-numbers") == 2
     table.rename(columns={"x_m": "x_km"}).to_parquet(tmp_path / "e" / "a.parquet")
     answer = invoke(*folders, "--memory", "1GB", "--jobs", "1")
     assert (answer.status, "use --estimate-scale x=1000" in answer.err) == (2, True)
+
+
+def test_hemispheres_are_signs_in_parts(invoke: Invoke, tmp_path: Path) -> None:
+    for side, sign in (("t", 1), ("e", -1)):
+        (tmp_path / side).mkdir()
+        table = pd.DataFrame({"id": 1, "t": range(4), "lat": 48.0 * sign, "lon": 11.0 * sign})
+        table.assign(lat_ns="S", lon_ew="W").to_parquet(tmp_path / side / "a.parquet")
+    folders = str(tmp_path / "t"), str(tmp_path / "e")
+    options = ("--memory", "1GB", "--jobs", "1", "--distance", "haversine", *METRIC)
+    assert "TGOSPA = 0," in invoke(*folders, *options).out
 
 
 def test_wrong_data_leave_no_work(invoke: Invoke, recording: Path, tmp_path: Path) -> None:

@@ -536,12 +536,70 @@ def test_milliseconds_beside_seconds_whose_stamps_do_not_coincide(invoke: Any) -
         assert invoke(*given, *more, "--time-offset", offset, "-q").status == status
 
 
-@pytest.mark.parametrize("header", ["alt_ft", "altitude (ft)", "geo_altitude_feet"])
+@pytest.mark.parametrize(
+    "header",
+    [
+        *("alt_ft", "altitude (ft)", "geo_altitude_feet", "alt_geom", "alt_mm", "flight_level"),
+        *("Altitude Feet MSL", "alt_msl"),
+    ],
+)
 def test_heights_in_feet_are_told(tmp_path: Path, header: str) -> None:
     table = f"id,t,lat,lon,{header}\n1,0,50,8,328\n1,1,50.001,8,328\n"
     files = [tmp_path / f"{name}.csv" for name in ("truth", "estimate")]
     for file in files:
         file.write_text(table)
     warnings = evaluate(*files, distance="geodesic", cutoff=100, switch_penalty=50).warnings
-    said = f"heights ({header}) are left out: they are not in metres"
-    assert sum(said in str(one) for one in warnings) == 2
+    assert sum(f"heights ({header}) are left out" in str(one) for one in warnings) == 2
+
+
+def test_the_height_of_an_object_beside_its_length_is_no_altitude() -> None:
+    car = FLIGHT.drop(columns="alt").assign(length=4.0, height=1.5)
+    other = car.assign(lat=55.001, height=40.0)
+    found = evaluate(car, other, distance="geodesic", cutoff=500, switch_penalty=100)
+    assert found.total == pytest.approx(2 * 111.3**2, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("crs", "header"),
+    [
+        ("ned", "north,east,down"),
+        ("ned", "north_m,east_m,up"),
+        ("ned", "Northing,Easting,alt"),
+        ("ned", "north,east,z"),
+        ("ned:0", "x=north,y=east,z=down"),
+        ("enu", "north,east,up"),
+        ("enu", "east,north,down"),
+        ("enu", "east,north,altitude"),
+    ],
+)
+def test_headers_that_name_directions_are_read_so(invoke: Any, crs: str, header: str) -> None:
+    """Whatever the order and sign of the axes, 97 m east, 111 m north and 50 m up."""
+    names = [item.rpartition("=")[2] for item in header.split(",")]
+    places = {"n": "111.2{k}", "e": "97{k}", "d": "-50", "u": "50", "a": "50", "z": "-50"}
+    rows = (",".join(places[name[0].lower()] for name in names).format(k=k) for k in range(6))
+    lines = (f"1,{k},{row}" for k, row in enumerate(rows))
+    Path("e.csv").write_text("\n".join((f"id,t,{','.join(names)}", *lines)))
+    lines = (f"1,{k},97{k},111.2{k},50" for k in range(6))
+    Path("g.csv").write_text("\n".join(("id,t,x,y,z", *lines)))
+    options = ("--truth-crs", "enu", "--estimate-crs", crs, "-c", "9", "-g", "1")
+    mapped = ("--estimate-columns", header) if "=" in header else ()
+    assert "TGOSPA = 0," in invoke("g.csv", "e.csv", *options, *mapped).out
+
+
+def test_a_header_of_the_other_axis_is_refused_with_a_way_that_works(invoke: Any) -> None:
+    Path("g.csv").write_text("id,t,lat,lon\n1,0,48,11\n1,1,48.01,11\n")
+    Path("e.csv").write_text("id,t,north,east\n1,0,0,0\n1,1,1112,0\n")
+    options = ("--estimate-crs", "ned", "--origin", "48,11", "-c", "9", "-g", "1")
+    answer = invoke("g.csv", "e.csv", *options, "--estimate-columns", "x=east,y=north")
+    assert 'x is read from "east"' in answer.err
+    remedy = answer.err.strip().rpartition("use ")[2].split()
+    assert remedy == ["--estimate-columns", "x=north,y=east"]
+    assert "100 % of 2 object-steps" in invoke("g.csv", "e.csv", *options, *remedy).out
+
+
+def test_up_against_down_is_refused_with_a_way_that_works(invoke: Any) -> None:
+    Path("g.csv").write_text("id,t,east,north,up\n1,0,7,3,50\n1,1,9,4,60\n")
+    Path("e.csv").write_text("id,t,north,east,down\n1,0,3,7,-50\n1,1,4,9,-60\n")
+    answer = invoke("g.csv", "e.csv", "-c", "9", "-g", "1")
+    remedy = answer.err.rpartition("use ")[2].partition(" (")[0].replace(" and ", " ").split()
+    assert "TGOSPA = 0," in invoke("g.csv", "e.csv", "-c", "9", "-g", "1", *remedy).out

@@ -196,6 +196,37 @@ def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
         evaluate(truth, table, **given)
 
 
+def test_corners_in_a_format_of_widths_are_told(invoke: Invoke) -> None:
+    for name, by in (("gt.txt", 0), ("res.txt", 3)):
+        rows = [(f, k, x + by, y, x + w + by, y + h, 1) for f, k, x, y, w, h in boxes()]
+        Path(name).write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    metric = ("-c", "50", "-g", "10")
+    doubtful = invoke("gt.txt", "res.txt", *metric)
+    names = "t,id,left,top,right,bottom"
+    assert f"--estimate-columns {names} reads them so" in doubtful.err
+    answer = invoke("gt.txt", "res.txt", *metric, "--columns", names)
+    assert value(answer) == pytest.approx((12 * 9) ** 0.5, rel=1e-5)
+    rows = [(*row, 1) for row in boxes()]
+    Path("plain.txt").write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    assert "reads them so" not in invoke("plain.txt", "plain.txt", *metric).err
+
+
+def test_x_and_y_beside_the_other_corner_are_in_doubt(invoke: Invoke) -> None:
+    for name, by in (("gt.csv", 0), ("res.csv", 20)):
+        rows = [(f, k, x, y, x + w + by, y + h + by) for f, k, x, y, w, h in boxes()]
+        write(name, "frame,id,x,y,x2,y2", rows)
+    metric = ("-c", "50", "-g", "10")
+    corner = "left=x,top=y,right=x2,bottom=y2"
+    doubtful = invoke("gt.csv", "res.csv", *metric)
+    assert f"--estimate-columns {corner} if they are the corner" in doubtful.err
+    both = ("--truth-columns", corner, "--estimate-columns", corner)
+    answer = invoke("gt.csv", "res.csv", *metric, *both)
+    assert value(answer) == pytest.approx((12 * 200) ** 0.5, rel=1e-5)
+    iou = ("gt.csv", "res.csv", "-c", "0.9", "-g", "0.1", "--distance", "iou")
+    assert "map them with --truth-columns left=x,top=y\n" in invoke(*iou).err
+    assert invoke(*iou, "--columns", "left=x,top=y").status == 0
+
+
 def test_boxes_by_centre_and_size_or_by_two_corners(invoke: Invoke) -> None:
     write("gt.csv", "frame,id,left,top,width,height", boxes())
     centres = [(f, k, x + w / 2, y + h / 2, w, h) for f, k, x, y, w, h in boxes((3, 4))]

@@ -89,8 +89,7 @@ def pair_notices(
     if "gaussian" in distance.kinds:
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):
             yield Notice(text=text)
-    if any(side.pixels for side in files):
-        yield from diagnosis.unit_notices(request.unit)
+    yield from diagnosis.unit_notices(request, files)
     yield from diagnosis.axis_notices(sides.axis, request.time_matching)
     for text in diagnosis.alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)

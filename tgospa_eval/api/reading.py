@@ -18,6 +18,7 @@ from tgospa_eval.evaluation.prepare import AlignedPair, fit
 from tgospa_eval.evaluation.request import MOT_METRICS, EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, objects, read
 from tgospa_eval.formats.guess import file_of, folder_format
+from tgospa_eval.formats.headers import direction_of
 from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.formats.reading import (
     by_one_place,
@@ -477,8 +478,20 @@ def check_sides(
     for name in sides[0].missing:
         if all(name in side.missing for side in sides):
             raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
+    upward = [direction_of(side.headers.get("z", "")) for side in sides]
+    if resolved.frames is None and {"up", "down"} <= {*upward}:
+        crs = {"up": "enu", "down": "ned"}
+        ways = [option(f"{r}_crs", crs[d]) for r, d in zip(ROLES, upward, strict=True)]
+        raise InputError(
+            f"z is {upward[0]} in {paths[0]}, and {upward[1]} in {paths[1]}; use "
+            f"{' and '.join(ways)} (enu: x east, y north, z up; ned: x north, y east, z down)"
+        )
     scales = [(one.unit_scale != 1, dict(one.scale)) for one in resolved.conversions]
-    check_units(sides, paths, lambda k, name: scales[k][0] or name in scales[k][1])
+    frames, distance = resolved.frames, resolved.evaluation.distance
+    metric = [option("distance", distance.name)] * 2 * distance.on_earth
+    if frames is not None and (frames.origin is not None or False in frames.is_local):
+        metric = [f"{one.option} {one.text}" for one in frames.frames]
+    check_units(sides, paths, lambda k, name: scales[k][0] or name in scales[k][1], metric)
     check_classes(sides, paths, resolved.reading.classes, resolved.each)
     filters = {"time", "class", "region", "where"}
     if not any(side.taken for side in sides) and any(

@@ -528,6 +528,7 @@ def _each(
             reading,
             heights=heights if on_earth and not is_named else "",
             fault=reading.fault if frame is None else frame.fault,
+            axes=() if frame is None else frame.axes,
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,

@@ -4,6 +4,7 @@ Here, (id, t) means the id and the time of a row. The key of a row is a number t
 step and its track. Rows that are sorted by key are sorted by step, and within a step by track.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
@@ -16,12 +17,12 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more, plain
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
-from tgospa_eval.formats.headers import GROUP, ask, parse_columns
+from tgospa_eval.formats.headers import CORNERS, GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
 from tgospa_eval.formats.roles import FLAG, Roles
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids, spacings
-from tgospa_eval.quoting import option, quoted
+from tgospa_eval.quoting import listed, option, quoted
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.coverage import IGNORED, MARKED
 from tgospa_eval.tracks.trajectories import ROW, TimeArray, Trajectories, Values
@@ -70,12 +71,15 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         An (id, t) is repeated, or a state is invalid, and the options do not say what to do.
     """
     roles = rows.roles
+    rows, halves = signed(rows)
     state = roles.mixed(rows.numbers, roles.state)
     factors = options.conversion.factors(roles.names)
     if factors is not None:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
-    choice.warnings += (*rows.warnings, *roles.doubts)
+    choice.warnings += (*rows.warnings, *roles.doubts, *_about_corners(rows, options))
+    choice.warnings += [notice for notice in halves if notice.code]
+    choice.notices += [notice.text for notice in halves if not notice.code]
     # The range of time is applied first, as a file that is read in parts has only rows within it.
     timestamps, step, labels = _grid(rows, options, choice)
     for rule, (mask, sentence) in rows.excluded.items():
@@ -178,6 +182,57 @@ def _notices(rows: Rows, *, clouds: bool) -> Iterator[str]:
     for notice in rows.roles.notices(clouds=clouds):
         if not (same and notice.startswith("id is read from")):
             yield notice
+
+
+def signed(rows: Rows) -> tuple[Rows, list[Notice]]:
+    """Make latitudes in the south and longitudes in the west negative, if another column says so.
+
+    Also return notices about this, and a warning if the zone of UTM changes.
+    """
+    roles, notices, numbers = rows.roles, [], rows.numbers
+    for column in set(roles.halves) & rows.attributes.keys():
+        values = np.char.upper(rows.attributes[column].astype(np.str_))
+        for name, marks in (("lat", ("N", "S")), ("lon", ("E", "W"))):
+            minus = values.astype("U1") == marks[1]
+            if name in roles.names and minus.any() and np.isin(values.astype("U1"), marks).all():
+                k = roles.numbers.index(roles.state[roles.names.index(name)][0][0])
+                numbers = numbers.copy(order="F")
+                numbers[minus, k] = -np.abs(numbers[minus, k])
+                text = f"{name} is negative where {quoted(roles.headers[column])} is {marks[1]}"
+                notices.append(Notice(text=text))
+        zones = sorted({value.removesuffix(".0") for value in values.tolist()})
+        if roles.names[0] == "x" and len(zones) > 1 and all(map(UTM_ZONE.fullmatch, zones)):
+            text = f"positions of several zones ({listed(zones)}) are compared as if in one"
+            remedy = "write all positions in one zone, or as lat,lon"
+            notices.append(Notice(code="utm-zones", text=text, remedy=remedy))
+    return replace(rows, numbers=numbers), notices
+
+
+UTM_ZONE = re.compile(r"0*([1-9]|[1-5]\d|60)[A-Z]?")
+
+
+def _about_corners(rows: Rows, options: ReadOptions) -> Iterator[Notice]:
+    """Warn if widths and heights, in a format without headers, seem to be edges of boxes.
+
+    They seem so if they exceed the left and top edges in all rows, and vary more than the excess.
+    """
+    roles = rows.roles
+    is_fixed = roles.fixed and rows.whole and len(rows.numbers) > 0
+    if not (is_fixed and roles.sizes and {*PLACED} <= {*roles.headers}):
+        return
+    columns = [roles.headers.index(name) for name in PLACED]
+    box = roles.mixed(rows.numbers, [((column, 1.0),) for column in columns])
+    with np.errstate(over="ignore", invalid="ignore"):  # boxes too large for numbers are told later
+        size = box[:, 2:] - box[:, :2]
+        spread, whole = 2 * size.var(0), box[:, 2:].var(0)
+    if (size > 0).all() and (spread <= whole).all() and (spread < whole).any():
+        edges = dict(zip(columns, CORNERS, strict=True)) | {roles.id: "id", roles.time: "t"}
+        named = [edges.get(k, "-") for k in range(max(edges) + 1)]
+        yield Notice(
+            code="corner-or-centre",
+            text="width and height grow with left and top, as if they were the right bottom corner",
+            remedy=f"{ask(options.option, named)} reads them so",
+        )
 
 
 def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:

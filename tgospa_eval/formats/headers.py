@@ -200,6 +200,15 @@ EDGE = "{0}{1} bb_{0}{1} bbox_{0}{1} box_{0}{1}"
 
 {0} is the axis, and {1} is the number of the corner."""
 
+BEGIN, END = (
+    " ".join(f"{{0}}_{corner} {corner}_{{0}}" for corner in corners.split())
+    for corners in (
+        "min ul tl lu lt upper_left top_left",
+        "max lr br rl rb lower_right bottom_right",
+    )
+)
+"""Templates of further aliases of the edges at the first and at the second corner."""
+
 HEADER_ALIASES = {
     name: tuple(aliases.split())
     for name, aliases in {
@@ -214,19 +223,21 @@ HEADER_ALIASES = {
         "base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting east",
         "y": COORDINATE.format("y") + " northing utm_northing north",
-        "z": COORDINATE.format("z"),
+        "z": f"{COORDINATE.format('z')} up down",
         "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
         "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
         "gps_altitude elevation elev height hgt baro_altitude z",
+        "range": "range",
+        "bearing": "bearing",
         "elevation": "elevation elev",
-        "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
-        "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
+        "left": f"left bb_left bbox_left {EDGE.format('x', 1)} {BEGIN.format('x')}",
+        "top": f"top bb_top bbox_top {EDGE.format('y', 1)} {BEGIN.format('y')}",
         "width": "width bb_width bbox_width box_width w bb_w bbox_w box_w",
         "height": "height bb_height bbox_height box_height h bb_h bbox_h box_h",
-        "right": f"right bb_right bbox_right x_max {EDGE.format('x', 2)}",
-        "bottom": f"bottom bb_bottom bbox_bottom y_max {EDGE.format('y', 2)}",
+        "right": f"right bb_right bbox_right {EDGE.format('x', 2)} {END.format('x')}",
+        "bottom": f"bottom bb_bottom bbox_bottom {EDGE.format('y', 2)} {END.format('y')}",
         "weight": " ".join(FIRST_ALIASES["weight"]),
     }.items()
 }
@@ -269,12 +280,13 @@ ANGLES = {
 UNITS = {
     "t": TIMES,
     **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
-    **dict.fromkeys(("lat", "lon"), DEGREES),
+    "range": LENGTHS,
+    **dict.fromkeys(("lat", "lon", "bearing", "elevation"), ANGLES),
     "alt": ("m", "meter", "meters", "metre", "metres"),
 }
 """Units that may follow the name in a header, by name.
 
-For example, ``lat_deg`` is read as ``lat``, but ``lat_rad`` is not."""
+For example, ``lat_deg`` is read as ``lat``. Heights ``alt`` must be in metres."""
 
 HINTS = {
     "id": "id$|mmsi|hex|icao|trac?k|trk|traj|obj|target|call_?sign|flight|name|who",
@@ -282,15 +294,14 @@ HINTS = {
 }
 """Patterns of headers that may be ids or times, although they are no aliases; for suggestions."""
 
-AXIS_PAIRS = {
-    ("x", "y"): "xy",
-    ("X", "Y"): "xy",
-    ("east", "north"): "xy",
-    ("lat", "lon"): ("lat", "lon"),
+AXIS_NAMES = {
+    ("x", "y", "z"): ("x", "y", "z"),
+    ("east", "north", "up", "down"): ("x", "y", "z", "z"),
+    ("lat", "lon", "alt"): ("lat", "lon", "alt"),
 }
-"""Names for the two columns of a position, by the parts in which the two headers differ.
+"""Names for the columns of a position, by the parts in which the headers differ.
 
-For example, ``pos_east`` and ``pos_north`` are x and y."""
+For example, ``pos_east`` and ``pos_north`` are x and y. The third column may be missing."""
 
 NO_HINT = (
     "conf|score|prob|exist|quality|class|ness|"
@@ -304,7 +315,7 @@ NO_ID = (
 )
 NO_PLACE = (
     r"^([adfgjsqw]_?[xyz]([\W_]|$)|m[xyz]$)|quat|rot|orient|omega|angle|angular|roll|pitch|yaw|(^|_)mag|gyro|"
-    "force|torque|length|goal|dim|extent|norm|scale|offset|shift|delta|wind_"
+    "left|right|top|bottom|upper|lower|force|torque|length|goal|dim|extent|norm|scale|offset|shift|delta|wind_"
 )
 PLACE = "pos|cent|trans|utm|loc|coord|east|^[pt]_?x"
 """Patterns of headers.
@@ -351,6 +362,8 @@ class Headers:
         Beginning of messages.
     hidden : sequence of str
         Headers that are only used if they are mapped.
+    axes : sequence of str
+        Directions of x, y and z; by default x is to the east, and y to the north.
     """
 
     def __init__(
@@ -360,8 +373,10 @@ class Headers:
         option: str,
         where: str,
         hidden: Sequence[str] = (),
+        axes: Sequence[str] = (),
     ) -> None:
         self.names, self.mapped, self.option, self.where = names, mapped, option, where
+        self.axes = axes or ("east", "north", "up")
         self.exact = {name: k for k, name in enumerate(names)}
         first = names[0].lstrip("#% ") if names else ""
         for name, header in mapped.items():
@@ -373,7 +388,14 @@ class Headers:
         for k, name in enumerate(names):
             self.folded.setdefault(name.casefold(), []).append(k)
             for key, unit in _keys(name):
+                if self.axes[0] == "north":  # read east as y, and north as x
+                    key = re.sub("east|north", lambda m: OTHER_AXIS[m[0]], key)
                 self.keyed.setdefault(key, []).append((k, unit))
+        for stem in ("", "bb", "bbox", "box"):  # if corners are numbered 0 and 1, then as 1 and 2
+            keys = [f"{stem}{axis}{number}" for number in "210" for axis in "xy"]
+            if self.keyed.keys().isdisjoint(keys[:2]) and self.keyed.keys() >= {*keys[2:]}:
+                for new, old in zip(keys, keys[2:], strict=False):
+                    self.keyed[new] = self.keyed.pop(old)
         self.directions = [names[k] for k in self.folded.get("track", ()) if self._has_directions]
         self.hidden |= {names.index(name) for name in self.directions}
 
@@ -517,7 +539,8 @@ class Headers:
             if name in wanted and candidates:
                 guesses[name] = candidates[0]
         pairs = self.pairs(used)
-        return guesses | pairs[0] if "position" in wanted and len(pairs) == 1 else guesses
+        places = {"position", "lat", "lon"} & {*wanted}
+        return guesses | pairs[0] if places and len(pairs) == 1 else guesses
 
     def free(self, used: set[int], other: str = NO_HINT) -> list[str]:
         """Return the headers without a role, except those that the pattern `other` matches."""
@@ -531,14 +554,17 @@ class Headers:
         ]
 
     def pairs(self, used: set[int]) -> list[dict[str, str]]:
-        """Return the likeliest pairs of headers of a position, without the `used` columns."""
-        free = self.free(used, f"{NO_HINT}|{NO_PLACE}")
-        pairs = [
-            dict(zip(names, (header, header.replace(one, two)), strict=True))
-            for (one, two), names in AXIS_PAIRS.items()
-            for header in free
-            if one in header and header.replace(one, two) in free
-        ]
+        """Return the likeliest headers of a position, two or three, without the `used` columns."""
+        free = {name.casefold(): name for name in self.free(used, f"{NO_HINT}|{NO_PLACE}")}
+        pairs = []
+        for parts, names in AXIS_NAMES.items():
+            if {*parts} >= {*self.axes}:
+                parts = (*self.axes[:2], *parts[2:])
+            for header in free:
+                keys = [header.replace(parts[0], part) for part in parts]
+                if parts[0] in header and keys[1] in free:
+                    each = zip(names, map(free.get, keys), strict=True)
+                    pairs.append({name: own for name, own in each if own})
         own = (self.option or self.where).split("_")[0]
         foreign = set().union(*(words for side, words in SIDES.items() if side != own))
         for is_likely in (
@@ -566,6 +592,21 @@ def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
 def words_of(header: str) -> list[str]:
     """Split a header into its words, in lower case."""
     return re.findall(r"[^\W_]+", header.casefold()) or [""]
+
+
+OTHER_AXIS = {"east": "north", "north": "east"}
+DIRECTIONS = {
+    **dict.fromkeys(("east", "easting"), "east"),
+    **dict.fromkeys(("north", "northing"), "north"),
+    **dict.fromkeys(("up", "alt", "altitude", "elev", "elevation", "hae", "height", "hgt"), "up"),
+    "down": "down",
+}
+"""Direction of an axis, by a word in its header."""
+
+
+def direction_of(header: str) -> str:
+    """Return the direction of an axis by the words of its header; blank if they do not say it."""
+    return next((DIRECTIONS[word] for word in words_of(header) if word in DIRECTIONS), "")
 
 
 CLOSING = tuple(")]>}")
@@ -654,6 +695,9 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     return missing
 
 
+CORNER_OR_BOX = r"(?i)b?box(\.0)?|.*(left|upper).*"
+
+
 def absent(
     headers: Headers,
     needed: tuple[int | None, int | None],
@@ -672,6 +716,10 @@ def absent(
     guesses = headers.guess(missing, used)
     if "position" in missing and guesses.keys().isdisjoint(("x", "lat")):
         guesses |= {axis: axis if axis in headers.names else "HEADER" for axis in "xy"}
+    x, y, right, bottom = (headers.find(name) for name in ("x", "y", "right", "bottom"))
+    if "left" in missing and None not in (x, y, right, bottom):
+        missing, states = [name for name in missing if name not in BOX], {}
+        guesses |= {n: headers.names[k] for n, k in (("left", x), ("top", y)) if k is not None}
     named = {name: guesses.get(name, "HEADER") for name in missing if name != "position"} | guesses
     # The suggestion keeps the columns and states that the user has named.
     named |= headers.mapped
@@ -692,10 +740,12 @@ def absent(
     if side in SIDES and {"lat", "lon"} <= {*missing} and headers.places("x"):
         crs, distance = option(f"{side}_crs", "EPSG:CODE"), option("distance")
         also += f"; if x,y are of a map, give {crs} (a run without {distance} may name the code)"
+    if "width" in missing:
+        also += "; if the box has two corners, map right and bottom instead of width and height"
     pairs = headers.pairs(used) if "position" in missing else []
     if len(pairs) > 1:
         also += f"; positions may be {' or '.join(','.join(pair.values()) for pair in pairs)}"
-    boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
+    boxes = [name for name in headers.names if re.fullmatch(CORNER_OR_BOX, name)]
     if "position" in missing and boxes:
         if boxes[0].endswith(".0"):
             corners = [f"{name}={boxes[0][:-1]}{k}" for k, name in enumerate(CORNERS)]

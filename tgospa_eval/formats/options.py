@@ -416,6 +416,8 @@ class ReadOptions:
         Use of a column of heights or elevations that the user did not name. ``"use"`` makes it part
         of the state, ``"tell"`` only returns its header (`Reading.height`), and ``""`` ignores it.
         Positions on the Earth have heights, and positions by range and bearing have elevations.
+    axes : tuple of str
+        Directions of x, y and z, such as north, east, down; empty if no option states them.
     beside : tuple of str
         Paths of all files of the evaluation, as one may have data that another needs.
     roles : tuple of str
@@ -460,6 +462,7 @@ class ReadOptions:
     placed: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     heights: str = ""
+    axes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES
     option: str = "columns"

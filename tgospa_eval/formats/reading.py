@@ -450,42 +450,54 @@ def left_out_heights(
 
 
 def check_units(
-    sides: Sequence[Reading], paths: Sequence[str], scaled: Callable[[int, str], bool]
+    sides: Sequence[Reading],
+    paths: Sequence[str],
+    scaled: Callable[[int, str], bool],
+    metric: Sequence[str] = (),
 ) -> None:
     """Check that the sides state the same units; `scaled` says which columns have a factor.
+
+    `metric` has an option for each side, if the options need metres and degrees.
 
     Raises
     ------
     ConfigError
-        Two columns of the same quantity, or two lengths, have different units.
+        Two columns of the same quantity, or two lengths, have different units; or they are not in
+        metres and degrees, and must be.
     """
-    for sizes in (LENGTHS, ANGLES):
-        stated = [
-            (k, name, unit, sizes[unit])
-            for k, side in enumerate(sides)
-            for name, unit in side.units.items()
-            if unit in sizes and not scaled(k, name)
-        ]
-        for k, name, unit, size in stated:
-            first, column, known, base = next(
-                one for one in stated if one[1] == name or (one[3] and size)
-            )
-            if size == base:
-                continue
-            remedy = "write both in one unit"
-            if size and base:
-                factors = [
-                    [(n, s / base) for i, n, _, s in stated if i == j] for j in range(len(ROLES))
+    stated = [
+        (k, name, unit, sizes[unit], sizes is LENGTHS)
+        for sizes in (LENGTHS, ANGLES)
+        for k, side in enumerate(sides)
+        for name, unit in side.units.items()
+        if unit in sizes and not scaled(k, name)
+    ]
+    for k, name, unit, size, is_length in stated:
+        first, column, known, base, _ = next(
+            one for one in stated if one[1] == name or (one[4] == is_length and one[3] and size)
+        )
+        other = f"{column} of {paths[first]} is in {known}"
+        if metric:
+            base, known = 1.0, "m" if is_length else "degrees"
+            other = f"{metric[k]} needs {known}"
+        if size == base:
+            continue
+        remedy = f"write {f'it in {known}' if metric else 'both in one unit'}"
+        if size and base:
+            factors = [
+                [
+                    (n, s / base)
+                    for i, n, _, s, of in stated
+                    if i == j and (metric or of == is_length)
                 ]
-                given = (
-                    ",".join(f"{n}={f:.12g}" for n, f in one if f not in (0, 1)) for one in factors
-                )
-                ways = [option(f"{r}_scale", x) for r, x in zip(ROLES, given, strict=True) if x]
-                remedy = f"use {' and '.join(ways)}"
-            raise ConfigError(
-                f"{paths[k]}: {name} is in {unit}, but {column} of {paths[first]} is in {known}; "
-                f"{remedy}"
+                for j in range(len(ROLES))
+            ]
+            given = (
+                ",".join(f"{n}={f:.12g}" for n, f in one if f not in (0, 1)) for one in factors
             )
+            ways = [option(f"{r}_scale", x) for r, x in zip(ROLES, given, strict=True) if x]
+            remedy = f"use {' and '.join(ways)}"
+        raise ConfigError(f"{paths[k]}: {name} is in {unit}, but {other}; {remedy}")
 
 
 def check_classes(

@@ -24,11 +24,14 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.spread import SpreadColumns
 from tgospa_eval.formats.headers import (
     BOX,
+    CORNERS,
     EDGES,
     FIRST_ALIASES,
     FRACTIONS,
     GROUP,
     ID_MARK,
+    LENGTHS,
+    OTHER_AXIS,
     PREFIXES,
     SKIPPED,
     SPREAD,
@@ -37,6 +40,7 @@ from tgospa_eval.formats.headers import (
     Mix,
     absent,
     ask,
+    direction_of,
     has_patterns,
     objects_in,
     parse_columns,
@@ -102,6 +106,8 @@ class Roles:
         Unused columns of recordings, clusters or classes; ids may restart in each of these.
     flags : tuple of int
         Unused columns that may say which rows do not count, see `FLAG`.
+    halves : tuple of int
+        Columns that may say north or south, east or west, or a zone, see `HALF`.
     height : str
         Header of a column that is left out: heights of positions on the Earth, or elevations of
         positions by range and bearing.
@@ -134,6 +140,7 @@ class Roles:
     other_ids: tuple[int, ...] = ()
     groups: tuple[int, ...] = ()
     flags: tuple[int, ...] = ()
+    halves: tuple[int, ...] = ()
     height: str = ""
     stated: dict[int, str] = field(default_factory=dict)
     options: ReadOptions
@@ -154,8 +161,8 @@ class Roles:
 
     @property
     def _needed(self) -> set[int]:
-        """Columns of attributes and filters, and further columns of ids."""
-        return {*self.attributes.values(), *self.where.values(), *self.more_ids}
+        """Columns of attributes and filters, of half globes, and further columns of ids."""
+        return {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.halves}
 
     @property
     def known(self) -> set[int | None]:
@@ -305,7 +312,11 @@ class Roles:
         return answer
 
 
-OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
+OF_HEIGHTS: dict[tuple[str, ...], str] = {
+    PLACES: HEIGHT,
+    ("x", "y"): "z",
+    ("range", "bearing"): "elevation",
+}
 """Name of the column of heights or elevations, by the names of the other two state columns."""
 
 
@@ -322,9 +333,9 @@ def _with_height(
     - ``""`` ignores them. The header is blank.
     """
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
-    of_boxes = headers.places("height") if headers.places("width") else []
-    known = [k for k in headers.places(name) if k not in of_boxes] if name else []
-    column = next(iter(known), None)  # the most usual name
+    sizes = _heights_of_objects(headers)
+    known = headers.places(HEIGHT if name == "z" else name)  # the most usual name is first
+    column = next((k for k in known if k not in sizes), None) if name else None
     if column is None:
         return wanted, ""
     if options.heights == "tell":
@@ -333,19 +344,35 @@ def _with_height(
     return (*wanted, name), ""
 
 
-OTHER_HEIGHT = re.compile(
-    r"((baro|geo|geometric)[ _]?)?(alt|altitude|hae|height)\W?_?\W?(ft|feet|km|fl)\W?",
-    re.IGNORECASE,
+def _heights_of_objects(headers: Headers) -> set[int]:
+    """Return the columns ``height`` that are sizes, as the table also has a width or a length."""
+    sized = any({"length", "width"} & {*words_of(name)} for name in headers.names)
+    return {*headers.places("height")} if sized or headers.places("width") else set()
+
+
+HEIGHTS = re.compile(
+    r"((baro|geo|press|g[np]s)\w*)? ?(alt(itude)?|elev(ation)?|hae|hgt|height|flight ?level)"
+    r"( ?((baro|geo|ellips)\w*|above \w+( \w+)*|g[np]ss?|a?msl|agl|wgs84|fl|"
+    + "|".join(unit for unit, metres in LENGTHS.items() if metres)
+    + "))*"
 )
-"""Pattern of headers of heights that are not in metres."""
+"""Pattern of the words of a header of heights in any unit, above any surface."""
 
 
-def _other_unit(header: str) -> Notice:
-    """Return the warning that heights are left out, because they are not in metres."""
-    return Notice(
+def _other_heights(
+    headers: Headers, wanted: tuple[str, ...], unused: Sequence[str]
+) -> Iterator[Notice]:
+    """Warn if heights are left out, because it is not sure that they are metres, or heights."""
+    sizes = [headers.names[k] for k in _heights_of_objects(headers)]
+    others = [n for n in unused if n not in sizes and HEIGHTS.fullmatch(" ".join(words_of(n)))]
+    if not others or wanted not in (PLACES, ("x", "y")):
+        return
+    both = ask(headers.option, [*wanted, f"{OF_HEIGHTS[wanted]}={others[0]}"])
+    yield Notice(
         code="heights-left-out",
-        text=f"heights ({header}) are left out: they are not in metres",
-        remedy="to compare heights, write them in metres in a column alt",
+        text=f"heights ({listed(others)}) are left out",
+        remedy=f"if both files have heights in {'metres' if wanted == PLACES else 'one unit'}, "
+        f"{both} compares them",
     )
 
 
@@ -380,7 +407,7 @@ def find_roles(
         names = _lengthened(names, mapped)
     if options.boxes:
         wanted = _box_columns(wanted)
-    headers = Headers(names, mapped, options.option, where, options.hidden)
+    headers = Headers(names, mapped, options.option, where, options.hidden, options.axes)
     second = _second_of_times(headers)
     more_ids = _more_ids(headers)
     missing = without_maps(headers, options)
@@ -395,6 +422,7 @@ def find_roles(
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         fault = absent(headers, (identity, time), by_name)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
+    state = _along(options.axes, headers, by_name)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
     spread = _spread(wanted, state, headers) if options.covariance else None
@@ -413,7 +441,11 @@ def find_roles(
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
-    used |= {*attributes.values(), *where_columns.values()}
+    on_earth = wanted[:2] == PLACES
+    fits = (HALF if on_earth else ZONE).fullmatch
+    halves = tuple(k for k, name in enumerate(names) if fits(name) and k not in used)
+    halves = halves if len(halves) == 1 + on_earth else ()  # "ns" alone may be nanoseconds
+    used |= {*attributes.values(), *where_columns.values(), *(halves if on_earth else ())}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
@@ -449,17 +481,45 @@ def find_roles(
             and (match := FLAG.fullmatch(name))
             and (match["score"] is None or "truth" in (options.option.partition("_")[0], where))
         ),
+        halves=halves,
         height=height,
         options=options,
         doubts=(
             *(() if named or options.boxes else mixes.doubts),
             *(
-                map(_other_unit, filter(OTHER_HEIGHT.fullmatch, unused))
-                if wanted == PLACES and options.heights
-                else ()
+                ()
+                if fixed or height or (not options.heights if wanted == PLACES else named)
+                else _other_heights(headers, wanted, unused)
             ),
         ),
     )
+
+
+def _along(
+    axes: tuple[str, ...], headers: Headers, by_name: dict[str, Mix | None]
+) -> tuple[Mix, ...]:
+    """Return the state along axes with known directions: a height along "down" is negated.
+
+    Raises
+    ------
+    InputError
+        The user mapped x or y to a header that names the other axis.
+    """
+    state = {name: mix for name, mix in by_name.items() if mix is not None}
+    for name, axis in zip("xyz", axes, strict=False):
+        header = headers.names[state[name][0][0]] if len(state.get(name, ())) == 1 else ""
+        direction = direction_of(header)
+        if name == "z" and direction == {"up": "down", "down": "up"}[axis]:
+            state[name] = ((state[name][0][0], -1.0),)
+        elif direction == OTHER_AXIS.get(axis):
+            swapped = {**headers.mapped, "xy"[name == "x"]: header}
+            swapped |= {name: headers.names[state["xy"[name == "x"]][0][0]]}
+            remedy = ask(headers.option, [f"{one}={own}" for one, own in swapped.items()])
+            raise InputError(
+                f"{headers.where}: {name} is read from {quoted(header)}, but {name} is {axis} in "
+                f"these axes; use {remedy}"
+            )
+    return tuple(state.values())
 
 
 def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
@@ -516,6 +576,15 @@ FLAG = re.compile(
 
 A row seems not to count if its mark (``iscrowd``, ``ignore``) is above 0, or if its score or
 visibility is 0."""
+
+
+HALF = re.compile(
+    r"(gps[\W_]?)?(lat|lon|long|latitude|longitude)[\W_]?"
+    r"(ref|dir(ection)?|hemi(sphere)?|n[\W_]?s|e[\W_]?w)|(n[\W_]?s|e[\W_]?w)([\W_]?indicator)?",
+    re.IGNORECASE,
+)
+ZONE = re.compile(r"(utm[\W_]?)?zone", re.IGNORECASE)
+"""Patterns of headers of columns that may have N or S and E or W, or numbers of UTM zones."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
@@ -591,20 +660,23 @@ class _Mixes:
         place = [self.plainly(name) for name in ("x", "y")]
         if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
             return
-        with suppress(InputError):  # raised if several headers fit
-            size = [self.headers.find(name) for name in ("width", "height")]
-            if None in size or self.box:
+        for edges in (BOX, CORNERS):
+            with suppress(InputError):  # raised if several headers fit
+                size = [self.headers.find(name) for name in edges[2:]]
+                if None in size or self.box:
+                    continue
+                names = [self.headers.names[k] for k in (*place, *size) if k is not None]
+                corner = [f"{name}={header}" for name, header in zip(edges, names, strict=True)]
+                centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
+                or_centre = f", {ask(self.headers.option, centre)} if the centre"
+                yield Notice(
+                    code="corner-or-centre",
+                    text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or "
+                    "the centre of boxes, and are compared as they are",
+                    remedy=f"{ask(self.headers.option, corner)} if they are the corner"
+                    + or_centre * (edges == BOX),
+                )
                 return
-            names = [self.headers.names[k] for k in (*place, *size) if k is not None]
-            corner = [f"{name}={header}" for name, header in zip(BOX, names, strict=True)]
-            centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
-            yield Notice(
-                code="corner-or-centre",
-                text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or the "
-                "centre of boxes, and are compared as they are",
-                remedy=f"{ask(self.headers.option, corner)} if they are the corner, "
-                f"{ask(self.headers.option, centre)} if the centre",
-            )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
         """Return a quantity, or None if the table lacks it.
@@ -639,20 +711,19 @@ class _Mixes:
         They are the first of these that the table has:
 
         1. x, y: the centres of boxes that the user mapped
-        2. x, y, z, or only the first one or two of them
+        2. x, y, z as far as present, but not without x
         3. lat, lon
         4. x, y: the centres of other boxes
         5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if unknown positions are hidden
 
-        For 2 to 4, headers that are equal to the names have priority over aliases.
+        For 2 to 4, headers that are equal to x, to lat and lon, or to the names of a box have
+        priority over aliases.
         """
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
         for find in (self.plainly, self.headers.find):
-            places = [find(name) for name in ("x", "y", "z")]
-            size = places.index(None) if None in places else 3
-            if size:
-                return ("x", "y", "z")[:size]
+            if find("x") is not None:
+                return tuple(name for name in "xyz" if self.headers.find(name) is not None)
             if find("lat") is not None and find("lon") is not None:
                 return ("lat", "lon")
             if self.plain_box if find is self.plainly else self.box:

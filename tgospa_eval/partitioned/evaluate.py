@@ -23,6 +23,7 @@ from tgospa_eval.evaluation.diagnosis import (
     default_notice,
     diagnose,
     explained,
+    unit_notices,
 )
 from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.memory import Share
@@ -105,6 +106,7 @@ class SideSummary(Reading):
             rows=side.steps.rows,
             format=side.format,
             missing=side.roles.missing,
+            headers=side.roles.named,
             units=side.roles.units,
             left_out=dict(left_out),
             named=tuple(side.steps.classes),
@@ -227,7 +229,7 @@ def evaluate_partitioned(
         result,
         notices=tuple(one.sentence for one in (*diagnosed, *notices) if not one.code),
         warnings=(
-            *(notice for notice in diagnosed if notice.code),
+            *(notice for notice in (*diagnosed, *notices) if notice.code),
             *(notice for one in known for notice in one.warnings),
             *result.warnings,
         ),
@@ -479,6 +481,7 @@ def _notices(
         for text in plan.request.ignoring.messages(ignored=ignored, excused=excused):
             yield Notice(text=text)
     check_left(matching, sum(one.at_steps for one in known), off)
+    yield from unit_notices(plan.request, known)
     yield from axis_notices(replace(axis, left_out=off), matching)
 
 

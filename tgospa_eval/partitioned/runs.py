@@ -23,7 +23,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.assemble import attributes_of
+from tgospa_eval.formats.assemble import attributes_of, signed
 from tgospa_eval.formats.fields import EXACT_BELOW, Times
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.roles import Roles
@@ -193,6 +193,7 @@ def joined(parts: Sequence[Values]) -> Values:
 
 def with_attributes(rows: Rows) -> Rows:
     """Return the rows with the requested attributes. Attributes in `Rows.numbers` are left out."""
+    rows, _ = signed(rows)
     size, columns = len(rows.times.value), rows.roles.attributes
     attributes = checked(attributes_of(rows, np.arange(size)), size)
     by_column = {columns[name]: values for name, values in attributes.items()}
@@ -231,7 +232,7 @@ def write_runs(
     be in the order of the files.
     """
     read = (
-        (with_attributes(rows) if options.attributes else rows, first, piece)
+        (with_attributes(rows) if options.attributes else signed(rows)[0], first, piece)
         for piece in pieces
         for rows, first in piece.rows(options)
         if len(rows.times.value)

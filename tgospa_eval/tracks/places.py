@@ -72,6 +72,13 @@ class Frame:
     turn: float = 0.0
     option: str
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Directions of x, y and z; empty if the frame has other columns."""
+        if self.kind not in ("local", "system"):
+            return ()
+        return ("north", "east", "down") if self.down else ("east", "north", "up")
+
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
         """Return the first fault: a mask (R,) of states out of range, their column and a message.
 

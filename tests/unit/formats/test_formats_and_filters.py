@@ -85,7 +85,8 @@ def test_a_format_that_is_named_may_be_empty(write: Write) -> None:
         (("--unit", "px"), False),
         ((), False),
         (("--unit", "m", "--columns", "x,y,z"), False),
-        (("--unit", "m", "--distance", "iou"), False),
+        (("--unit", "m", "--distance", "iou"), True),
+        (("--distance", "iou"), False),
     ],
 )
 def test_pixels_are_no_metres(

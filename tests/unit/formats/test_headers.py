@@ -105,8 +105,85 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
     assert rows_of(read_trajectories(path, columns=("x", "y"))) == {("a", 1): (5.0, 6.0)}
     path = write("b.csv", "id,t,pos_x,pos_y,left,top,width,height\na,1,0,0,10,20,4,6\n")
     assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
-    radians = write("c.csv", "id,t,lat_rad,lon_rad\na,1,0,0\n")
-    assert "no column for position" in refusal(radians)[0]
+
+
+@pytest.mark.parametrize(
+    "header", ["x,z", "X,pos_z", "east,north,up", "north,east,down", "x,y,z_m"]
+)
+def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
+    size = len(header.split(","))
+    path = write("a.csv", f"id,t,{header}\na,1,{','.join('345'[:size])}\n")
+    found = read(path)
+    assert not found.unused
+    assert found.trajectories.columns == (("x", "z") if size == 2 else ("x", "y", "z"))
+
+
+@pytest.mark.parametrize("marks", [("S", "W"), ("south", "West")])
+@pytest.mark.parametrize("header", ["lat,ns,lon,ew", "Latitude,LatDir,Longitude,lon_ref"])
+def test_hemispheres_are_the_signs_of_places(
+    write: Write, header: str, marks: tuple[str, str]
+) -> None:
+    path = write("a.csv", f"id,t,{header}\na,1,48,{marks[0]},11,E\na,2,-48,N,11,{marks[1]}\n")
+    reading = read(path)
+    assert rows_of(reading.trajectories) == {("a", 1): (-48.0, 11.0), ("a", 2): (-48.0, -11.0)}
+    assert not reading.unused
+    assert sum("is negative where" in text for text in reading.notices) == 2
+    other = write("b.csv", "id,sec,ns,lat,lon\na,1,0,48,11\na,2,0,48,11\n")
+    assert "ns" in read(other, ReadOptions(columns=("t=sec",))).unused
+
+
+@pytest.mark.parametrize(
+    ("header", "zones", "warned"),
+    [
+        ("easting,northing,utm_zone", ("32", "33"), True),
+        ("x,y,zone", ("32U", "33U"), True),
+        ("x,y,zone", ("32", "32"), False),
+        ("x,y,zone", ("A", "B"), False),
+    ],
+)
+def test_a_change_of_the_utm_zone_is_told(
+    write: Write, header: str, zones: tuple[str, str], warned: bool
+) -> None:
+    path = write("a.csv", f"id,t,{header}\na,1,5,6,{zones[0]}\na,2,5,6,{zones[1]}\n")
+    assert [one.code for one in read(path).warnings] == ["utm-zones"] * warned
+
+
+@pytest.mark.parametrize(
+    ("header", "corners"),
+    [
+        *((f"{name},width,height", False) for name in ("upper_left_x,upper_left_y", "x_lu,y_lu")),
+        *((f"{name},w,h", False) for name in ("topleft_x,topleft_y", "top_left_x,top_left_y")),
+        *(
+            (name, True)
+            for name in ("xtl,ytl,xbr,ybr", "x0,y0,x1,y1", "box_x0,box_y0,box_x1,box_y1")
+        ),
+    ],
+)
+def test_boxes_are_known_by_the_names_of_their_corners(
+    write: Write, header: str, corners: bool
+) -> None:
+    end = "14,26" if corners else "4,6"
+    path = write("a.csv", f"id,t,{header}\na,1,10,20,{end}\n")
+    assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
+    boxes = read(path, ReadOptions(boxes=True)).trajectories
+    assert rows_of(boxes) == {("a", 1): (10.0, 20.0, 4.0, 6.0)}
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("x,y,alt", "x', 'y', 'z=alt'"),
+        ("easting,northing,Elevation (m)", "'z=Elevation (m)'"),
+        ("x,y,height", "'z=height'"),
+        ("x,y,length,height", ""),
+        ("x,y,person_height", ""),
+        ("x,y,alt_rate", ""),
+    ],
+)
+def test_heights_beside_x_and_y_are_told(write: Write, header: str, said: str) -> None:
+    reading = read(write("a.csv", f"id,t,{header}\na,1{',2' * (header.count(',') + 1)}\n"))
+    assert [said in str(one) for one in reading.warnings] == [True] * bool(said)
+    assert {one.code for one in reading.warnings} <= {"heights-left-out"}
 
 
 @pytest.mark.parametrize(
@@ -116,6 +193,10 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
         ("name,secs,gps_east,gps_north", "b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
         ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
+        ("id,t,ECEF_X,ECEF_Y,ECEF_Z", "a,1,2,3,4", "x=ECEF_X,y=ECEF_Y,z=ECEF_Z"),
+        ("id,t,px,py,pz", "a,1,2,3,4", "x=px,y=py,z=pz"),
+        ("id,t,my_lat,my_lon,my_alt", "a,1,2,3,4", "lat=my_lat,lon=my_lon,alt=my_alt"),
+        ("id,t,my_north,my_east,my_down", "a,1,2,3,4", "x=my_east,y=my_north,z=my_down"),
     ],
 )
 def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
@@ -132,7 +213,8 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
             "map them with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); ",
         ),
         ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
-        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
+        ("timestamp tx ty tz qx", "map them with columns=('id=HEADER', 'x=tx', 'y=ty', 'z=tz'); "),
+        ("id,t,lower_left_x,lower_left_y", "is read from columns left, top and width, height or"),
     ],
 )
 def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:

@@ -61,6 +61,63 @@ def test_units_that_the_files_state(
         assert done["total"] == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("crs", "head", "scale"),
+    [
+        ("enu", "x_km,y_km", "x=1000,y=1000"),
+        ("ned", "x [ft],y [m]", "x=0.3048"),
+        ("range,bearing", "range_km,bearing_rad", "range=1000,bearing=57.2957795131"),
+        ("lat,lon", "lat_rad,lon_rad", "lat=57.2957795131,lon=57.2957795131"),
+    ],
+)
+def test_units_other_than_those_of_a_frame_are_refused(
+    invoke: Run, write: Write, crs: str, head: str, scale: str
+) -> None:
+    names = crs.split(",") if "," in crs else ["x", "y"]
+    factors = dict(item.split("=") for item in scale.split(","))
+    place = [0.01 / float(factors.get(name, 1)) for name in names]
+    sides = [
+        write(name, f"id,t,{header}\n" + "".join(f"a,{t},{x},{y}\n" for t in range(3)))
+        for name, header, (x, y) in (
+            ("t.csv", ",".join(names), (0.01, 0.01)),
+            ("e.csv", head, place),
+        )
+    ]
+    options = ("--truth-crs", crs, "--estimate-crs", crs, "--origin", "48,11", *METRIC)
+    options = (*METRIC, "--distance", "haversine") if crs == "lat,lon" else options
+    answer = invoke(*sides, *options)
+    assert answer.status == 2
+    assert f"use --estimate-scale {scale}\n" in answer.err
+    done = json_of(invoke(*sides, *options, "--estimate-scale", scale, "--format", "json"))
+    assert done["total"] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "options", "unit", "own"),
+    [
+        ("x_km,y_km", "", "m", "km"),
+        ("x_px,y_px", "", "m", "px"),
+        ("x_ft,y_ft", "", "feet", ""),
+        ("x_km,y_km", "--unit-scale 1000", "m", ""),
+        ("x,y", "", "km", ""),
+        ("x_m,y_m", "", "cells", ""),
+        ("lat,lon", "--distance haversine", "km", "m"),
+        ("lat,lon", "--distance haversine", "metres", ""),
+        ("lat,lon", "--distance euclidean", "m", "degrees"),
+        ("lat,lon", "--distance euclidean", "deg", ""),
+    ],
+)
+def test_a_false_unit_gets_a_warning_with_the_true_one(
+    invoke: Run, write: Write, head: str, options: str, unit: str, own: str
+) -> None:
+    side = write("t.csv", f"id,t,{head}\na,0,3,4\na,1,3,4\n")
+    given = (*METRIC, *options.split(), "--unit")
+    assert ("is called" in invoke(side, side, *given, unit).err) == bool(own)
+    if own:
+        assert f"are in {own}; use --unit {own}\n" in invoke(side, side, *given, unit).err
+        assert "is called" not in invoke(side, side, *given, own).err
+
+
 TRUTH = "id,t,x,y\n" + "".join(f"a,{k / 10:.1f},{k},0\nb,{k / 10:.1f},{k},9\n" for k in range(12))
 
 

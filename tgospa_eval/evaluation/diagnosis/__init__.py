@@ -30,17 +30,18 @@ from tgospa_eval.evaluation.axis import Axis, between_rows, near_in_outages, tru
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings, rounded_up
 from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
-from tgospa_eval.formats.headers import METRES
+from tgospa_eval.formats.headers import ANGLES, BOX, LENGTHS
 from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.quoting import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.conversion import iso
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import AlignedPair
     from tgospa_eval.evaluation.request import EvaluationRequest
+    from tgospa_eval.formats import Reading
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # extreme states overflow
@@ -460,13 +461,36 @@ def explained(warnings: Sequence[Notice]) -> bool:
     return any(notice.code != "nothing-near" for notice in warnings)
 
 
-def unit_notices(unit: str | None) -> Iterator[Notice]:
-    """Yield a warning if the unit of states in pixels is said to be metres or another length."""
-    if (unit or "").casefold() in METRES:
+def unit_notices(request: "EvaluationRequest", sides: Sequence["Reading"]) -> Iterator[Notice]:
+    """Yield a warning if the states are in another unit of length or angle than the user says."""
+    distance, own = request.distance, ""
+    stated = {unit for side in sides for unit in side.units.values()}
+    pixels = any(side.pixels for side in sides)
+    if distance.on_earth or "origin" in request.recorded:
+        own = "m"
+    elif distance.columns != BOX and distance.name != "mahalanobis":
+        scales = {"unit_scale", "truth_scale", "estimate_scale"} & {*request.recorded}
+        if scales or distance.scale is not None:
+            return
+        places = sides[0].trajectories.columns == PLACES
+        own = "px" if pixels else "degrees" if places and not stated else "".join(stated)
+        if not own or len(stated) > 1:
+            return
+    label, known = (
+        [units.get((name or "").casefold()) for units in (LENGTHS, ANGLES)]
+        for name in (request.unit, own)
+    )
+    if any(size is not None for size in label) and label != known:
+        kitti = f"; for KITTI, {option('columns', 'x,y,z')} compares positions in metres"
         yield Notice(
             code="unit-label",
-            text=f"the unit is called {unit}, but box centres of MOTChallenge and KITTI are in "
-            "pixels, and so are c and gamma",
-            remedy=f"use {option('unit', 'px')}; for KITTI, {option('columns', 'x,y,z')} "
-            "compares positions in metres",
+            text=f"the unit is called {request.unit}, but "
+            + (
+                f"states, c and gamma are in {own}"
+                if own
+                else f"the distance {distance.name} has no unit"
+            ),
+            remedy=f"use {option('unit', own)}{kitti * pixels}"
+            if own
+            else f"leave {option('unit')} out",
         )
