@@ -364,13 +364,13 @@ def _other_heights(
 ) -> Iterator[Notice]:
     """Warn if heights are left out, because it is not sure that they are metres, or heights."""
     sizes = [headers.names[k] for k in _heights_of_objects(headers)]
-    others = [n for n in unused if n not in sizes and HEIGHTS.fullmatch(" ".join(words_of(n)))]
-    if not others or wanted not in (PLACES, ("x", "y")):
+    heights = [n for n in unused if n not in sizes and HEIGHTS.fullmatch(" ".join(words_of(n)))]
+    if not heights or wanted not in (PLACES, ("x", "y")):
         return
-    both = ask(headers.option, [*wanted, f"{OF_HEIGHTS[wanted]}={others[0]}"])
+    both = ask(headers.option, [*wanted, f"{OF_HEIGHTS[wanted]}={heights[0]}"])
     yield Notice(
         code="heights-left-out",
-        text=f"heights ({listed(others)}) are left out",
+        text=f"heights ({listed(heights)}) are left out",
         remedy=f"if both files have heights in {'metres' if wanted == PLACES else 'one unit'}, "
         f"{both} compares them",
     )
