@@ -314,7 +314,10 @@ def test_groups_on_the_command_line_and_of_batches(gate: Invoke, invoke: Invoke)
         ("[[group]]\nconfidence = 1\n", "confidence is 1: must be from 0.5 to below 1"),
         ('[[group]]\nconfidence = "x"\n', '"confidence" must be a number'),
         ("[group]\n", '"group" must be a list of tables; write [[group]]'),
-        ("[[group]]\nfail-on = 'total'\n", '--fail-on "total": must be PATH:+N'),
+        (
+            "[[group]]\nfail-on = 'total'\n",
+            '--fail-on "total": must be a value of the result',
+        ),
         ("[[limits]]\nfail-on = 'total:+1%'\n", '"match" must be a text'),
         ("[[limits]]\nmatch = 'x/*'\n", 'no pair has a name that matches "x/*"'),
     ],

@@ -82,7 +82,10 @@ def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
         assert "id -1 of 1 row counts as one track" in answer.err
         assert total(answer) == pytest.approx(25, rel=1e-4)  # a switch
         return
-    assert (answer.status, "blank id; name the object, or --on-invalid drop" in answer.err) == (
+    assert (
+        answer.status,
+        "blank id; give it an id, or leave such rows out with --on-invalid drop" in answer.err,
+    ) == (
         3,
         True,
     )

@@ -97,7 +97,7 @@ def test_points_are_compared_and_covariances_judged(invoke: Invoke) -> None:
     assert answer.status == 3
     assert "truth.csv: --with nees needs covariances" in answer.err
     answer = invoke("truth.csv", "kf.csv", *METRIC, "--by", "class", "--with", "nees,gospa")
-    assert "--with evaluates all classes together" in answer.err
+    assert "--with cannot be combined with --by class" in answer.err
 
 
 def test_objects_and_particles_have_a_nees_as_points() -> None:

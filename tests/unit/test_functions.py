@@ -69,7 +69,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is neither"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
-    with pytest.raises(ConfigError, match='with_ evaluates all classes together, not by="class"'):
+    with pytest.raises(ConfigError, match='with_ cannot be combined with by="class"'):
         evaluate([], [], by="class", with_="gospa")
     with pytest.raises(ConfigError, match="similarity is not supported with step"):
         evaluate([], [], similarity=1, step_weights=[1.0])

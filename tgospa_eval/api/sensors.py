@@ -112,9 +112,9 @@ class Association(Pairing):
     ) -> "Figure":
         """Plot the states of both sensors in two state columns.
 
-        The picture also shows which states are associated, which have no partner, and the gates
-        around the states of the first sensor. Parameters, errors and return value are those of
-        `Result.plot_plane`.
+        The picture also shows which states are associated, and which have no partner. Around each
+        state of the first sensor it shows the gate: the region within the cutoff. Parameters,
+        errors and return value are those of `Result.plot_plane`.
         """
         from tgospa_eval.show.chart_list import plot  # lazy: slow to import
 
@@ -292,7 +292,7 @@ def reduce(
     size : int
         Number of particles of each cloud; smaller clouds stay as they are.
     mapping : sequence of int, optional
-        Indices of the state components to compare, as in `evaluate`.
+        Indices of the state components to keep.
     in_format : str, optional
         Format of `side`, if it is a path.
 

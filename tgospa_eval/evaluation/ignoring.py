@@ -105,8 +105,9 @@ class Ignoring:
     regions : Regions, optional
         Regions in which states of the estimate are excused.
     max_speed : float
-        Largest speed at which a true object may move away from the straight line across a gap: in
-        units of the states per second, or per unit of the timestamps.
+        Where the truth has a gap, it is a straight line. `max_speed` is the largest speed at which
+        the object may move away from this line. Its unit is that of the states per second; if the
+        timestamps are plain numbers, that of the states per unit of the timestamps.
     """
 
     texts: tuple[str, ...] = ()
@@ -146,9 +147,10 @@ class Ignoring:
         Raises
         ------
         ConfigError
-            The truth lacks a column, or a side lacks requested marks.
+            The truth lacks the column of a rule, or a side lacks the column ``ignored`` or
+            ``excused`` that a rule needs.
         InputError
-            A mark is neither yes nor no.
+            A value in the column ``ignored`` or ``excused`` is neither yes nor no.
         """
         self.check_marks([side.trajectories.attributes for side in sides], names)
         spelt, absent = self.spelt(sides[0].named)
@@ -194,9 +196,9 @@ class Ignoring:
         Raises
         ------
         ConfigError
-            The truth lacks a column.
+            The truth lacks the column of a rule.
         InputError
-            A mark is neither yes nor no.
+            A value in the column ``ignored`` or ``excused`` is neither yes nor no.
         """
         rows = np.zeros(side.taken, bool)
         rule, column = list(MARKS.items())[ROLES.index(role)]
@@ -218,7 +220,8 @@ class Ignoring:
     def messages(self, *, ignored: bool, excused: bool) -> Iterator[str]:
         """Yield a message if the regions excuse no estimate, and one if the rules mark no state.
 
-        `ignored` and `excused` say that some rows of the truth, and of the estimate, are marked.
+        `ignored` says whether some rows of the truth are marked, and `excused` whether some rows of
+        the estimate are marked.
         """
         if self.regions is not None and not excused:
             what = "no state of the estimate is inside" if self.regions.shapes else "no regions"
@@ -261,9 +264,9 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
         values = tuple(v.strip() for v in match[3].split(",")) if match else ()
         if match is None or not all(values):
             raise ConfigError(
-                f"{option('ignore')} {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
-                f"COLUMN>NUMBER, {', '.join(WORDS[:-1])} or {GAPS}, such as class=Van "
-                "or occlusion>1"
+                f"{option('ignore')} {quoted(text)}: must be a condition on a column, such as "
+                f"class=Van, class=Van,Bus, occlusion>1 or occlusion<1, or one of the words "
+                f"{', '.join(WORDS[:-1])} and {GAPS}"
             )
         if match[1] == CLASS and match[2] != "=":
             raise ConfigError(f"{option('ignore')} {quoted(text)}: compare classes with =")

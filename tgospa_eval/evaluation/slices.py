@@ -395,8 +395,8 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
             f"(there are {listed(there)})"
         )
     return (
-        f"{option('slices')} {quoted(name)}: neither side has such a column (there are "
-        f"{listed(there)}); other attributes are {', '.join(DERIVED)}"
+        f"{option('slices')} {quoted(name)}: neither file has such a column (there are "
+        f"{listed(there)}); without a column there are {', '.join(DERIVED)}"
     )
 
 

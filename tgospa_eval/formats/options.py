@@ -266,9 +266,9 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
             declared.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
     if len(declared) != 1:
         raise ConfigError(
-            f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY: two "
-            "numbers or two ISO times, and how far apart the steps are, such as 0:99 or "
-            "0:10:100ms"
+            f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, "
+            "such as 0:99 or 0:10:100ms; FIRST and LAST are two numbers or two ISO times, EVERY is "
+            "the time between steps"
         )
     if declared[0].first > declared[0].last:
         raise ConfigError(f"{option('steps')} {quoted(text)}: ends before it begins")

@@ -89,7 +89,7 @@ class Roles:
     headers : tuple of str
         All headers.
     fixed : bool
-        Whether the headers are names from this package, as the format has no headers.
+        Whether the format has no headers. Then the names are those of this package.
     passed : tuple of str
         Notices about other headers that may be ids or times, about comments, and about the decimal
         mark.
@@ -109,8 +109,8 @@ class Roles:
     halves : tuple of int
         Columns that may say north or south, east or west, or a zone, see `HALF`.
     height : str
-        Header of a column that is left out: heights of positions on the Earth, or elevations of
-        positions by range and bearing.
+        Header of a column that is left out: heights beside latitude and longitude, or elevation
+        angles beside range and bearing.
     stated : dict of int to str
         Units below the headers, by column.
     options : ReadOptions
@@ -177,7 +177,7 @@ class Roles:
 
     @property
     def dates(self) -> list[int]:
-        """Columns of dates that are not used, although times may be times of day."""
+        """Columns of dates that are not used. If times are times of day, they may lack the date."""
         names = [*map(str.casefold, self.headers)] if self.second is None else []
         return [k for k, name in enumerate(names) if DATE.fullmatch(name) and k not in self.known]
 
@@ -220,9 +220,9 @@ class Roles:
 
     @property
     def digits(self) -> int:
-        """Number of decimal places of the fractions of a second in the second column of times.
+        """Number of digits of the column `second` if it has fractions of a second: 3 for ms.
 
-        It is 0 if there is no second column, or if its header does not say the unit.
+        It is 0 if there is no such column, or if its header does not say the unit.
         """
         return (
             0 if self.second is None else FRACTIONS.get(words_of(self.headers[self.second])[-1], 0)
@@ -386,7 +386,8 @@ def find_roles(
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    With `fixed`, the headers are those of a format and cannot be renamed. With `wide`, each object
+    With `fixed`, the format has no headers: the names are those of this package, and the user
+    cannot rename them. With `wide`, each object
     may have columns of its own. If so, the roles are for the reshaped table that
     `formats.frames.lengthened` returns.
 
@@ -714,7 +715,8 @@ class _Mixes:
         2. x, y, z as far as present, but not without x
         3. lat, lon
         4. x, y: the centres of other boxes
-        5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if unknown positions are hidden
+        5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if
+           `ReadOptions.hidden` leaves out other columns, whose positions are all unknown
 
         For 2 to 4, headers that are equal to x, to lat and lon, or to the names of a box have
         priority over aliases.
@@ -774,8 +776,8 @@ def _namings(
     """Yield the names that states may have in the headers of covariances.
 
     First come the headers of the states: ``px, py`` for ``cov_px_py``. Then come the names of the
-    states: ``x, y`` for ``cov_x_y``. The names are not yielded if one of them is the header of
-    another column, because ``cov_x_y`` then belongs to that column.
+    states: ``x, y`` for ``cov_x_y``. The names of the states are left out if
+    another column has such a header: ``cov_x_y`` belongs to a column with the header x.
     """
     own = tuple(
         name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
@@ -822,8 +824,10 @@ def _box(
 
 
 UNNAMED = "column {} (blank header)"
-"""Name of a column with a blank header: the first, as pandas writes for an index and R for row
-names, or one after all others, as spreadsheets write and programs that end lines with a comma."""
+"""Name of a column with a blank header, which is the first or after all others.
+
+pandas writes such a first column for the index, and R for row names. Spreadsheets, and programs
+that end lines with a comma, write such columns after all others."""
 
 
 def are_numbers(fields: Sequence[str]) -> bool:

@@ -145,7 +145,7 @@ def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
 
 def name_objects() -> str:
     """Return the remedy for blank ids, for messages."""
-    return f"name the object, or {option('on_invalid', 'drop')} leaves such rows out"
+    return f"give it an id, or leave such rows out with {option('on_invalid', 'drop')}"
 
 
 def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:

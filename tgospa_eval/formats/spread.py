@@ -30,8 +30,9 @@ class SpreadColumns:
     names : tuple of str
         State columns.
     entries : tuple of tuple of int
-        Positions of the columns of each entry of the lower triangle, row by row. An entry has two
-        columns if the table also has the symmetric entry; other entries have one column or none.
+        For each entry of the lower triangle of the covariance matrix, row by row: the indices of
+        its columns in the table. An entry has two columns if the table also has the symmetric
+        entry; other entries have one column or none.
     spelling : int
         Spelling of the headers, as an index in `SPELLINGS`.
     """
@@ -69,8 +70,8 @@ class SpreadColumns:
 First = Callable[[Mask], tuple[int, str, str]]
 """Callable that receives a mask of wrong rows.
 
-It returns the position of the first of these rows. For messages, it also returns the place of this
-row, and words for the number of the other wrong rows."""
+It returns the index of the first of these rows, and two texts for messages: where this row is in
+the file, and how many other rows are wrong, such as " (and 1 more)"."""
 
 
 NAMED, NUMBERED = 1, 2
@@ -167,11 +168,11 @@ def covariances_of(
     Parameters
     ----------
     values : dict of int to (R,) float array
-        Numbers of the rows that take part, by column, NaN where blank.
+        For each index of a column, the values of the R evaluated rows; NaN where a cell is blank.
     row : (R,) int array
-        Position in the file of each row that takes part.
+        For each evaluated row, its index among the rows of the file.
     where : callable
-        Callable that returns the place of a row of the file, with its id and time.
+        Callable that takes such an index and returns a text: the line, the id and the time.
     spread : SpreadColumns
         Columns of the entries.
     missing : {"error", "zero"}
@@ -186,7 +187,7 @@ def covariances_of(
     """
 
     def first(wrong: Mask) -> tuple[int, str, str]:
-        """Return position and place of the first wrong row, and words for the number of others."""
+        """Return what `First` describes."""
         at = np.flatnonzero(wrong)
         position = int(at[np.argmin(row[at])])
         return position, where(int(row[position])), more(len(at))

@@ -1,4 +1,8 @@
-"""Costs of assignments block by block, and the largest switch price that matters."""
+"""Costs of assignments block by block, and a cap for switch prices.
+
+A block is a part of the problem that can be solved by itself: a connected component of near pairs
+in its own window of time. The module `problem.states` defines it, and the letters of array sizes.
+"""
 
 from functools import cached_property
 
@@ -14,11 +18,12 @@ SETTLED_FROM = 1000.0
 
 
 def price_cap(states: States) -> Floats:
-    """Return the largest switch price that matters in each block, (B,).
+    """Return a cap for the switch prices of each block, (B,).
 
-    It is 2 L g, with the number L of steps and the largest gain g. At switch prices from (L - 1) g
-    on, no switch saves cost, so all larger prices have the same optimum (docs/theory/reductions.md,
-    "Switch price cap"). Huge prices would cause errors, because LP tolerances are absolute.
+    With the number L of steps and the largest gain g of the block, no switch saves cost at prices
+    from (L - 1) g on. So all these prices have the same optimum (docs/theory/reductions.md, "Switch
+    price cap"). The cap is 2 L g, which is safely larger. Solvers use it in place of larger prices:
+    huge prices would cause errors, because LP tolerances are absolute.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * largest
@@ -29,7 +34,8 @@ def settle(states: States, blocks: Mask, weights: Floats) -> None:
 
     In these blocks an optimum has no switches. But a solver may return weights that change by, for
     example, 1e-12 from one step to the next. A huge switch price makes such a change expensive. The
-    averages over time are feasible, too.
+    averages over time are a feasible assignment, too: the weights of each object and of each track
+    add up to at most 1.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -64,7 +70,7 @@ def block_costs(states: States, weights: Floats) -> Floats:
 
 
 def feasible_costs(states: States, whole: Ints) -> Floats:
-    """Return `block_costs` of a feasible assignment `whole` (S,), which is in units of 1/ONE."""
+    """Return `block_costs` of a feasible assignment `whole` (S,): integers, where `ONE` is 1."""
     problem, blocks = states.problem, len(states.block_begin)
     of_state = states.block
     used, entry, weight = assigned(states, whole)
@@ -86,8 +92,8 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# Bounds that are displayed during the work. Until a batch begins, its lower bound is 0, and its
-# upper bound is the cost with nothing assigned.
+# Bounds that are displayed during the work. Blocks are solved in batches of neighbouring blocks.
+# Until a batch begins, its lower bound is 0, and its upper bound is the cost with nothing assigned.
 #
 # These bounds are not part of the result. `problem.certificate.certify` computes the bounds of the
 # result.
@@ -170,7 +176,8 @@ class BatchProgress:
     number : int
         Number of this batch.
     states, weights, quickly : States, (S,) float array, (B,) bool array
-        As in the `BlockBatch`.
+        As in `solvers.batches.BlockBatch`: its blocks, their weights, and a mask of the blocks that
+        are solved only if this takes hardly any time.
     """
 
     def __init__(
@@ -195,9 +202,10 @@ class BatchProgress:
     ) -> None:
         """Report the share that is done, and bounds of some blocks.
 
-        `blocks` (B,) marks the blocks with new bounds. All other blocks are trivial: their weights
-        in the batch are the best ones. `width` (B,) is the width between the bounds, `cost` (B,)
-        the cost, and `unassigned` (B,) the cost if nothing is assigned.
+        `blocks` (B,) marks the blocks with new bounds. Other blocks are those of `quickly`, whose
+        lower bound is 0, and trivial ones, whose weights in the batch are the best. `width` (B,) is
+        the width between the bounds, `cost` (B,) the cost, and `unassigned` (B,) the cost if
+        nothing is assigned.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:

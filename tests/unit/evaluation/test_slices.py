@@ -223,7 +223,7 @@ def test_every_output_has_them(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--slice", "nothing"], '--slice "nothing": neither side has such a column (there are '),
+        (["--slice", "nothing"], '--slice "nothing": neither file has such a column (there are '),
         (["--slice", "x=3:1"], "edges must increase"),
         (["--slice", "x", "--sweep", "c=1,2"], "--slice is not supported with --sweep"),
     ],
@@ -344,7 +344,7 @@ def test_ties_are_said() -> None:
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("lame", r'slices "lame": neither side has such a column \(there are id, lane, t, x, y\)'),
+        ("lame", r'slices "lame": neither file has such a column \(there are id, lane, t, x, y\)'),
         ("", "must be NAME, NAME=EDGES"),
         ("lane=", "must be NAME, NAME=EDGES"),
         ("x=1:0", "edges must increase"),
@@ -362,7 +362,7 @@ def test_ties_are_said() -> None:
         ("range@0,0,0=0:1", "the point has 3 numbers, positions have 2"),
         ("region", "must name ranges of columns"),
         ("region=lane=0:1", 'column "lane" has texts'),
-        ("region=q=0:1", 'slices "q": neither side has such a column'),
+        ("region=q=0:1", 'slices "q": neither file has such a column'),
         ("x=0:1 * y=0:1 * t", "at most two attributes can be crossed"),
     ],
 )  # fmt: skip
@@ -385,6 +385,6 @@ def test_refused_later() -> None:
         with pytest.raises(ConfigError, match=r"slices is .*3.*: must be a text, or several"):
             evaluate(table(TRUTH), table(ESTIMATE), slices=wrong)  # type: ignore[arg-type]
     result = evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1)
-    with pytest.raises(ConfigError, match="neither side has such a column"):
+    with pytest.raises(ConfigError, match="neither file has such a column"):
         result.slices("lane")
     assert result.slices() == ()

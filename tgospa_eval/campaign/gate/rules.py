@@ -327,8 +327,8 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     slack = _not_negative(match["slack"]) if match else None
     if match is None or slack is None:
         raise ConfigError(
-            f"{option(name)} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%, or "
-            "PATH:LEAST..MOST"
+            f"{option(name)} {quoted(text)}: must be a value of the result with its limit: a "
+            "largest increase, such as total:+5 or total:+0.1%, or a range, such as nees:1.5..2.5"
         )
     path = _path(match["path"].strip(), name, text)
     relative, less = match["percent"] == "%", match["sign"] == "-"

@@ -428,7 +428,8 @@ def _pairs(
     groups = groups_of((values for _, values in estimates), own_fields) if own_fields else [{}]
     if not truths or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
-        fault = f"{where}: no file matches {quoted(theirs if truths else pattern)}"
+        role, missing = ("estimate", theirs) if truths else ("truth", pattern)
+        fault = f"{where}, {role}: no file matches {quoted(missing)}"
         yield Job(name=name, truth=pattern, estimate=theirs, fault=fault)
     known_truths = {tuple(values.items()) for values in truths}
     unmatched = [
