@@ -307,7 +307,7 @@ def calendar_format(timestamps: TimeArray) -> str:
 
 def _distinct_lengths(times: TimeArray) -> int:
     """Return the number of distinct intervals between successive times, up to rounding."""
-    return len(np.unique(np.diff(times).round(6)))
+    return len({*np.diff(times).round(6).tolist()})  # `np.unique` imports numpy.ma
 
 
 def _day_of(time: float) -> int:
