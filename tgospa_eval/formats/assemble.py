@@ -600,6 +600,16 @@ def _may_pass_midnight(times: TimeArray) -> bool:
     return len(times) > 0 and float(times[-1]) - float(times[0]) > 43_200
 
 
+def _may_be_calendar(times: TimeArray) -> bool:
+    """Return whether sorted times may be dates or times of day that are written as numbers.
+
+    If it is False, `calendar_format` is not called.
+    """
+    if len(times) < 2 or times[-1] < 100:  # 100 is one minute past midnight
+        return False
+    return bool(times[-1] > 1.9e7 or (times % 100 < 60).all())
+
+
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
@@ -626,7 +636,7 @@ def _grid(
             place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
             text = f"{place}: the time of day jumps back, as at midnight"
             choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
-    if times.clock == "number":
+    if times.clock == "number" and _may_be_calendar(timestamps):
         from tgospa_eval.formats.clocks import calendar_format  # lazy: seldom needed
 
         side = options.option.rpartition("columns")[0]

@@ -5,7 +5,7 @@ trial at least halves the per-step GOSPA cost.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, permutations, product
 
@@ -325,7 +325,9 @@ def state_warnings(
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
     ):
         return []
-    trials = _linear(sample, frames, headers or {})
+    trials: Iterable[_Change] = ()
+    if sample.is_bad or {*sample.columns} & {*UPWARD}:
+        trials = _linear(sample, frames, headers or {})
     if not sample.is_bad:  # heights in feet have errors below a large cutoff
         trials = (one for one in trials if _is_of_feet(one, sample.columns))
     best = _best(sample, trials)
