@@ -605,9 +605,9 @@ def _may_be_calendar(times: TimeArray) -> bool:
 
     If it is False, `calendar_format` is not called.
     """
-    if len(times) < 2 or times[-1] < 100:  # 100 is one minute past midnight
+    if len(times) < 2 or times[0] < 10_000:
         return False
-    return bool(times[-1] > 1.9e7 or (times % 100 < 60).all())
+    return bool(times[0] > 1.9e7 or (times % 100 < 60).all())
 
 
 def _grid(

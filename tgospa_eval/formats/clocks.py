@@ -12,10 +12,9 @@ from tgospa_eval.common.words import more, plain
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import Coded, TimeError, Times
 from tgospa_eval.quoting import option, quoted
-from tgospa_eval.tracks.conversion import EARLIEST, LATEST, SECOND, TIME_UNITS, iso
+from tgospa_eval.tracks.conversion import EPOCHS, SECOND, TIME_UNITS, epoch_unit, iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
-EPOCHS = ("s", "ms", "us", "ns")
 GPS = "gps"
 
 GPS_EPOCH = 315_964_800
@@ -274,16 +273,18 @@ CALENDAR = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S
 def calendar_format(timestamps: TimeArray) -> str:
     """Return the format of numbers that look like dates, such as 20260301120058.
 
-    Numbers such as 120058 look like times of day if the intervals between these times of day have
-    fewer distinct lengths than the differences of the numbers. The result is blank if a number is
-    neither a date nor a time of day. It is ``"?"`` in two cases: some of the numbers have
+    Ten numbers or more, such as 120058, look like times of day in two or more minutes if the
+    intervals between these times of day have fewer distinct lengths than the differences of the
+    numbers. Numbers below 10000 do not: they are frames or seconds. The result is blank if a number
+    is neither a date nor a time of day. It is ``"?"`` in two cases: some of the numbers have
     fractions and others are integers; or a time of day is before 10:00 and lacks a leading zero.
     """
     if len(timestamps) < 2 or timestamps[0] < 0 or not timestamps[-1] < 2.2e16:
         return ""
     if timestamps[-1] < 240_000:
         seconds, minutes = timestamps % 100, timestamps // 100 % 100
-        if max(seconds.max(), minutes.max()) >= 60:
+        crossed = timestamps[-1] // 100 - timestamps[0] // 100
+        if max(seconds.max(), minutes.max()) >= 60 or crossed < 2 or len(timestamps) < 10:
             return ""
         time_of_day = timestamps // 10_000 * 3600 + minutes * 60 + seconds
         if _distinct_lengths(time_of_day) >= _distinct_lengths(timestamps):
@@ -321,10 +322,7 @@ def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
     Return the trajectories `side` with the new times, and the unit. If no unit fits, or the numbers
     look like dates, `side` is unchanged, and the unit is blank.
     """
-    ends = [abs(float(side.times[k])) for k in (0, -1)]
-    scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}
-    fits = (u for u, s in scales.items() if all(EARLIEST * s <= end < LATEST * s for end in ends))
-    unit = next(fits, "")
+    unit = epoch_unit(side.times)
     if not unit or calendar_format(side.times):
         return side, ""
     exact = [int(Decimal(str(time)) * TIME_UNITS[unit]) for time in side.times.tolist()]

@@ -35,6 +35,9 @@ TIME_UNITS = {
 }
 """Nanoseconds of each unit."""
 
+EPOCHS = ("s", "ms", "us", "ns")
+"""Units of numbers that count from 1970."""
+
 MAX_STEPS = 10_000_000
 """Largest number of declared steps."""
 
@@ -105,6 +108,14 @@ class Duration(float):
     def nanoseconds(self) -> int:
         """Duration in nanoseconds."""
         return round(float(self) * SECOND)
+
+
+def epoch_unit(times: TimeArray) -> str:
+    """Return the unit of times that may count from 1970, by their size; blank if no unit fits."""
+    ends = [abs(float(times[k])) for k in (0, -1)]
+    scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}
+    fits = (u for u, s in scales.items() if all(EARLIEST * s <= end < LATEST * s for end in ends))
+    return next(fits, "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,7 +304,10 @@ class Conversion:
             texts[:] = [iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
         if isinstance(self.time_offset, Duration):
-            self.time_offset.check(clock, option("time_offset"))
+            unit = epoch_unit(times)
+            named = f", or name it: {option('estimate_time_format', unit)}" if unit else ""
+            remedy = f"give a number in their unit{named}"
+            self.time_offset.check(clock, option("time_offset"), remedy)
         from decimal import (  # lazy: slow to import, and few times are converted
             Context,
             Decimal,
