@@ -275,9 +275,9 @@ class Local:
 
 
 def _begin_trackers() -> None:
-    """Start Python's resource tracker before a block of `uninterrupted`.
+    """Start Python's resource tracker before a block of `uninterrupted`, which delays Ctrl-C.
 
-    In Python up to 3.13, its start in such a block would end the delay of Ctrl-C.
+    In Python up to 3.13, a resource tracker that starts in such a block ends the delay too early.
     """
     if hasattr(signal, "pthread_sigmask"):
         from multiprocessing import resource_tracker
@@ -310,8 +310,9 @@ def _begin(share: int | None, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from joblib.externals.loky import process_executor  # lazy: slow to import
 
-    # By default, loky ends a worker that has grown by 0.3 GB. Large jobs need more memory. Here,
-    # `share` is the limit. In a version of loky without this variable, the line has no effect.
+    # By default, loky ends a worker that has grown by 0.3 GB. Large jobs need more memory, so this
+    # limit is removed, and `limit_memory` sets another one. In a version of loky without
+    # _MAX_MEMORY_LEAK_SIZE, the assignment has no effect.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     limit_memory(share)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()

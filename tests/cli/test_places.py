@@ -276,7 +276,9 @@ def test_a_remedy_for_axes_units_or_a_zone_works(invoke: Any) -> None:
         "utm.csv", "x,y", {k: zone.transform(lon, lat) for k, (lat, lon, _) in earth.items()}
     )
     answer = invoke(truth, utm, *metric)
-    assert "if x,y are of a map, give --estimate-crs EPSG:CODE (a run without" in answer.err
+    assert (
+        "if x,y are coordinates of a map, such as UTM, give --estimate-crs EPSG:CODE" in answer.err
+    )
     answer = invoke(truth, utm, *metric[:4])
     assert "--estimate-crs EPSG:32633 and --distance geodesic" in answer.err
     answer = invoke(truth, utm, *metric, "--estimate-crs", "EPSG:32633")

@@ -291,7 +291,8 @@ def layout_of(truth: str, trackers: str) -> str | None:
 def _elsewhere(layout: str, shape: str, folder: str) -> str:
     """Describe a folder that does not have this layout, and name nearby folders that have it."""
     if not os.path.isdir(folder):
-        return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
+        fault = "is a file, not a folder" if os.path.exists(folder) else "no such folder"
+        return f"{folder}: {fault}, as {option('layout', layout)} needs"
     near = []
     for level in range(1, NEARBY_LEVELS + 1):
         above = os.path.normpath(os.path.join(folder, *[os.pardir] * level))

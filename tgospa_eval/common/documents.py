@@ -1,10 +1,10 @@
 """JSON documents: read strictly, and checked against a description of their fields.
 
-A description of a value is a `FieldKind`. For a list, it is a list with the description of the
-items. For an object, it is a dict with the description of each field by name. The object can have
-other fields; if the dict has the key ``...``, all other fields must fit the description at this
-key. `Maybe` describes a field that can be missing. `Closed` describes an object without other
-fields.
+A text, number, flag or null is described by a `FieldKind`. A list is described by a list with one
+item, which describes all items. An object is described by a dict with the description of each field
+by name. The object can have other fields; if the dict has the key ``...``, all other fields must
+fit the description at this key. `Maybe` describes a field that can be missing. `Closed` describes
+an object without other fields.
 """
 
 import json

@@ -738,8 +738,8 @@ def absent(
         also += f"; if {quoted(headers.directions[0])} is not a direction, id=track reads it"
     side = (headers.option or headers.where).partition("_")[0].partition(",")[0]
     if side in SIDES and {"lat", "lon"} <= {*missing} and headers.places("x"):
-        crs, distance = option(f"{side}_crs", "EPSG:CODE"), option("distance")
-        also += f"; if x,y are of a map, give {crs} (a run without {distance} may name the code)"
+        crs = option(f"{side}_crs", "EPSG:CODE")
+        also += f"; if x,y are coordinates of a map, such as UTM, give {crs}"
     if "width" in missing:
         also += "; if the box has two corners, map right and bottom instead of width and height"
     pairs = headers.pairs(used) if "position" in missing else []

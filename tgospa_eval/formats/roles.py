@@ -839,9 +839,8 @@ def without_header(fields: Sequence[str], name: str, where: str, order: str = "i
     """Return the message about a table that begins with numbers instead of a header."""
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
-        f"{where}: {counted(len(fields), 'number')} where the header should be "
-        f"({listed([*map(str.strip, fields)])}); name the columns in the order of the "
-        f"file with {option(name or 'columns', order)} (also z, left, top, width, height; a "
+        f"{where}: the numbers {listed([*map(str.strip, fields)])} instead of a header; name the "
+        f"columns in the order of the file with {option(name or 'columns', order)} (also z, left, top, width, height; a "
         "minus for a column to skip), "
         f"or name the format ({formats})"
     )

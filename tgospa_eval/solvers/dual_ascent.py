@@ -26,17 +26,19 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""Limits of the length of a chain (`kernels.Chain`), the form of the working set for sweeps. It may
-have LINKS_EACH links for each state, and FEWEST_LINKS in any case. If it would be longer, the
-threshold of the working set is halved. Below MIN_THRESHOLD, a chain may have any length."""
+"""Limits of the length of a chain (`kernels.Chain`): the working set of sweeps as links.
+
+A chain may have LINKS_EACH links for each state, or FEWEST_LINKS if that is more. If it would be
+longer, the threshold of the working set is halved. Below MIN_THRESHOLD, a chain may have any
+length."""
 
 SWEPT_AT_ONCE = 100_000
 """Number of links, multiplied by sweeps, between two looks at the clock: about a millisecond."""
 
 PRICE_ROUNDING = 8 * 2.0**-53
-"""Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels sum in
-two parts and relative to "none", so that this error does not grow with the length of a
-recording."""
+"""Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels keep
+each sum in two doubles, and sum differences to the path that stays at "none". So this error does
+not grow with the length of a recording."""
 
 
 class Ascent:
@@ -52,7 +54,7 @@ class Ascent:
     wanted : (B,) bool array
         Blocks that take part at first; `keep` excludes blocks later.
     gap : float
-        Relative gap at which no further candidates are tried.
+        Relative gap at which no further weights and prices are tried.
     weights, prices : (S,), (K,) float arrays
         Arrays for the best assignment and the best prices; only the wanted blocks are changed. In
         these blocks, weights must be zeros at first, and `prices` has the initial prices.
@@ -72,7 +74,8 @@ class Ascent:
         Bits that the last `mark` set for each state: NEAR, NEEDED, LOSES, BEST and TEMPTED, which
         kernels/ascent.pxi explains.
     work, sweeping : int, float
-        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
+        Number of states, including "none", summed over all half sweeps (passes through all steps,
+        forwards or backwards); and the seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     open : (B,) bool array
@@ -203,7 +206,8 @@ class Ascent:
         """Sweep at the temperature `epsilon`, and then try the new weights and prices.
 
         The working set has the states with slack up to `threshold`, and the states with a weight.
-        The violation of a column slot is how far the sum of its masses and its slack is from 1.
+        The violation of a column slot is how far the sum of its masses and of its unused part is
+        from 1.
         Sweeps end early if the largest violation is less than `calm`.
 
         Returns
@@ -299,8 +303,8 @@ class Ascent:
     def losses(self, prices: Floats) -> Floats:
         """Divide the width between the bounds of the open blocks among the steps, (T,).
 
-        The width is that of the best weights and the given prices. A part of the regret of a row
-        counts at the step from which on it cannot be avoided.
+        The width is that of the best weights and the given prices. The regret of a row is split
+        among steps: each part counts at the first step after which the row can no longer avoid it.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)

@@ -149,7 +149,7 @@ def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
         ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
         (
             "0 1 2 3\n",
-            "line 1: 4 numbers where the header should be (0, 1, 2, 3)",
+            "line 1: the numbers 0, 1, 2, 3 instead of a header",
         ),
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
         ("id t x\n#a 1 2\nb 1 2\n", "line 2: begins like a comment"),
