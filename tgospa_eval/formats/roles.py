@@ -840,9 +840,8 @@ def without_header(fields: Sequence[str], name: str, where: str, order: str = "i
     formats = ", ".join(dict.fromkeys((option("truth_format"), option("estimate_format"))))
     return (
         f"{where}: the numbers {listed([*map(str.strip, fields)])} instead of a header; name the "
-        f"columns in the order of the file with {option(name or 'columns', order)} (also z, left, top, width, height; a "
-        "minus for a column to skip), "
-        f"or name the format ({formats})"
+        f"columns in the order of the file with {option(name or 'columns', order)} (also z, left, "
+        f"top, width, height; a minus for a column to skip), or name the format ({formats})"
     )
 
 

@@ -118,7 +118,7 @@ def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> No
     touch("{x}/s/gt/gt.txt", "[t]/{a}/data/s.txt")
     (job,) = jobs.of_layout("motchallenge", "{x}", "[t]").jobs
     assert dict(job.labels) == {"tracker": "{a}", "sequence": "s"}
-    with pytest.raises(ConfigError, match="^none: no such folder, as layout"):
+    with pytest.raises(ConfigError, match=r"^none: no such folder, as layout"):
         jobs.of_layout("motchallenge", "none", "[t]")
 
 

@@ -516,7 +516,7 @@ REFUSED = [
     ("id,t,lat\na,1,2\n", 1, ["no column for position", "columns=('x=HEADER', 'y=HEADER')"]),
     ("who,t,x\na,1,2\n", 1, ["no column for id", "who, t, x", "columns=('id=who',)"]),
     ("id,when,x\na,1,2\n", 1, ["no column for t", "id, when, x", "columns=('t=when',)"]),
-    ("1,2,3.5,4\n1,3,4,5\n", 1, ["4 numbers", "in the order of the file"]),
+    ("1,2,3.5,4\n1,3,4,5\n", 1, ["the numbers 1, 2", "in the order of the file"]),
 ]
 """What a file holds, the line (and column) that the message names, and words of it."""
 
