@@ -706,13 +706,27 @@ class _Mixes:
             )
         return mix
 
+    def _has_z(self, x: int, *, plain: bool) -> bool:
+        """Return whether the table has the z of the position whose x is in this column.
+
+        Beside a `plain` x only ``z`` fits, also with a unit; up and down fit beside east or north.
+        """
+        headers, on_axes = self.headers, direction_of(self.headers.names[x]) in OTHER_AXIS
+        fits = [headers.names[k] for k in headers.places("z")]
+        if plain:
+            fits = [name for name in fits if words_of(name) in (["z"], ["z", unit_of(name)])]
+        fits = [name for name in fits if on_axes or not direction_of(name)]
+        if len(fits) == 1:
+            headers.mapped["z"] = fits[0]
+        return bool(fits)
+
     def default_states(self) -> tuple[str, ...]:
         """Return the state columns to use if the user named none.
 
         They are the first of these that the table has:
 
         1. x, y: the centres of boxes that the user mapped
-        2. x, y, z as far as present, but not without x
+        2. x, y, z as far as present, but not without x; z as `_has_z` says
         3. lat, lon
         4. x, y: the centres of other boxes
         5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if
@@ -724,8 +738,9 @@ class _Mixes:
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
         for find in (self.plainly, self.headers.find):
-            if find("x") is not None:
-                return tuple(name for name in "xyz" if self.headers.find(name) is not None)
+            if (x := find("x")) is not None:
+                names = "xyz" if self._has_z(x, plain=find is self.plainly) else "xy"
+                return tuple(name for name in names if self.headers.find(name) is not None)
             if find("lat") is not None and find("lon") is not None:
                 return ("lat", "lon")
             if self.plain_box if find is self.plainly else self.box:

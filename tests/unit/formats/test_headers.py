@@ -108,7 +108,7 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    "header", ["x,z", "X,pos_z", "east,north,up", "north,east,down", "x,y,z_m"]
+    "header", ["x,z", "east,north,up", "north,east,down", "x,y,z_m", "x_pos,y_pos,z_pos"]
 )
 def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
     size = len(header.split(","))
@@ -116,6 +116,14 @@ def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
     found = read(path)
     assert not found.unused
     assert found.trajectories.columns == (("x", "z") if size == 2 else ("x", "y", "z"))
+
+
+@pytest.mark.parametrize("other", ["utm_x,utm_y,utm_z", "pos_z", "pos_z,z_pos", "up", "down"])
+def test_a_z_of_another_position_is_not_used(write: Write, other: str) -> None:
+    more = [",yes", ","][other == "pos_z"] * len(other.split(","))
+    found = read(write("a.csv", f"id,t,x,y,{other}\na,1,3,4{more}\n"))
+    assert rows_of(found.trajectories) == {("a", 1): (3.0, 4.0)}
+    assert found.unused == (*other.split(","),)
 
 
 @pytest.mark.parametrize("marks", [("S", "W"), ("south", "West")])
