@@ -107,7 +107,7 @@ class Roles:
     flags : tuple of int
         Unused columns that may say which rows do not count, see `FLAG`.
     halves : tuple of int
-        Columns that may say north or south, east or west, or a zone, see `HALF`.
+        Columns that may say north or south, and east or west, see `HALF`.
     height : str
         Header of a column that is left out: heights beside latitude and longitude, or elevation
         angles beside range and bearing.
@@ -161,8 +161,8 @@ class Roles:
 
     @property
     def _needed(self) -> set[int]:
-        """Columns of attributes and filters, of half globes, and further columns of ids."""
-        return {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.halves}
+        """Columns of attributes and filters, and further columns of ids."""
+        return {*self.attributes.values(), *self.where.values(), *self.more_ids}
 
     @property
     def known(self) -> set[int | None]:
@@ -171,9 +171,10 @@ class Roles:
 
     @property
     def doubtful(self) -> set[int]:
-        """Columns that are only read for messages, so their values may be of any type."""
+        """Columns that are read only for messages or signs, so values may be of any type."""
         other = [] if self.other_id is None else [self.other_id]
-        return {*self.groups, *self.flags, *self.dates, *other} - self._needed
+        every = {*self.groups, *self.flags, *self.halves, *self.dates, *other}
+        return every - self._needed
 
     @property
     def dates(self) -> list[int]:
@@ -442,11 +443,10 @@ def find_roles(
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
-    on_earth = wanted[:2] == PLACES
-    fits = (HALF if on_earth else ZONE).fullmatch
-    halves = tuple(k for k, name in enumerate(names) if fits(name) and k not in used)
-    halves = halves if len(halves) == 1 + on_earth else ()  # "ns" alone may be nanoseconds
-    used |= {*attributes.values(), *where_columns.values(), *(halves if on_earth else ())}
+    halves = tuple(k for k, name in enumerate(names) if HALF.fullmatch(name) and k not in used)
+    if wanted[:2] != PLACES or len(halves) != 2:  # "ns" alone may be nanoseconds
+        halves = ()
+    used |= {*attributes.values(), *where_columns.values(), *halves}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
@@ -571,12 +571,14 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 FLAG = re.compile(
-    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
+    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(?P<zone>(utm[\W_]?)?zone)|"
+    r"(is_?)?vis(ib(le|ility))?",
+    re.I,
 )
 """Pattern of headers of columns that may say which rows do not count.
 
 A row seems not to count if its mark (``iscrowd``, ``ignore``) is above 0, or if its score or
-visibility is 0."""
+visibility is 0. Positions in several zones of UTM are not in one system."""
 
 
 HALF = re.compile(
@@ -584,8 +586,7 @@ HALF = re.compile(
     r"(ref|dir(ection)?|hemi(sphere)?|n[\W_]?s|e[\W_]?w)|(n[\W_]?s|e[\W_]?w)([\W_]?indicator)?",
     re.IGNORECASE,
 )
-ZONE = re.compile(r"(utm[\W_]?)?zone", re.IGNORECASE)
-"""Patterns of headers of columns that may have N or S and E or W, or numbers of UTM zones."""
+"""Pattern of headers of columns that may have N or S, and E or W."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
