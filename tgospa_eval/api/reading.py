@@ -488,14 +488,14 @@ def check_sides(
     scales = [(one.unit_scale != 1, dict(one.scale)) for one in resolved.conversions]
     frames, distance = resolved.frames, resolved.evaluation.distance
     earth = [option("distance", distance.name)] * 2 * distance.on_earth
-    given = earth if frames is None else [f"{one.option} {one.text}" for one in frames.frames]
+    axes = earth if frames is None else [f"{one.option} {one.text}" for one in frames.frames]
     metric = frames is None or frames.origin is not None or False in frames.is_local
     check_units(
         sides,
         paths,
         lambda k, name: scales[k][0] or name in scales[k][1],
-        metres=given if metric else earth,
-        degrees=given,
+        metres=axes if metric else earth,
+        degrees=axes,
     )
     check_classes(sides, paths, resolved.reading.classes, resolved.each)
     filters = {"time", "class", "region", "where"}

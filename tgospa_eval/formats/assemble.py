@@ -211,18 +211,18 @@ def signed(rows: Rows) -> tuple[Rows, list[Notice]]:
 
 
 UTM_ZONE = re.compile(r"0*([1-9]|[1-5]\d|60)([A-Za-z]|\.0)?")
-LEAST_EASTING = 1e5
+SMALLEST_EASTING = 1e5
 """Metres that eastings of UTM exceed; smaller coordinates are not of UTM."""
 
 
 def _about_zones(values: Values, state: Floats) -> Iterator[Notice]:
     """Warn if the zone of UTM changes; both arguments have the rows that take part."""
-    found = map(UTM_ZONE.fullmatch, np.unique(values.astype(np.str_)).tolist())
-    zones = sorted({int(zone[1]) for zone in found if zone})
-    if len(zones) > 1 and np.median(state[:, 0]) > LEAST_EASTING:
+    matches = map(UTM_ZONE.fullmatch, np.unique(values.astype(np.str_)).tolist())
+    zones = sorted({int(match[1]) for match in matches if match})
+    if len(zones) > 1 and np.median(state[:, 0]) > SMALLEST_EASTING:
         yield Notice(
             code="utm-zones",
-            text=f"positions of several zones ({listed(zones)}) are compared as if in one",
+            text=f"positions of several zones ({listed([*map(str, zones)])}) are compared as if in one",
             remedy="write all positions in one zone, or as lat,lon",
         )
 
