@@ -222,7 +222,7 @@ def _about_zones(values: Values, state: Floats) -> Iterator[Notice]:
     if len(zones) > 1 and np.median(state[:, 0]) > SMALLEST_EASTING:
         yield Notice(
             code="utm-zones",
-            text=f"positions of several zones ({listed([*map(str, zones)])}) are compared as if in one",
+            text=f"positions of several zones ({listed(zones)}) are compared as if in one",
             remedy="write all positions in one zone, or as lat,lon",
         )
 
