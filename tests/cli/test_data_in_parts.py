@@ -437,6 +437,7 @@ def test_warnings_about_defaults_times_and_units_in_parts(invoke: Invoke, tmp_pa
     answer = invoke(*folders, *options)
     codes = [one["code"] for one in json.loads(answer.out)["warnings"]]
     assert {"default-parameters", "calendar-numbers", "unit-label"} <= {*codes}
+    assert invoke(*folders, *options[:-2]).err.count("the unit is called km") == 1
     assert codes.count("calendar-numbers") == 2
     table.rename(columns={"x_m": "x_km"}).to_parquet(tmp_path / "e" / "a.parquet")
     answer = invoke(*folders, "--memory", "1GB", "--jobs", "1")
@@ -447,7 +448,10 @@ def test_hemispheres_are_signs_in_parts(invoke: Invoke, tmp_path: Path) -> None:
     for side, sign in (("t", 1), ("e", -1)):
         (tmp_path / side).mkdir()
         table = pd.DataFrame({"id": 1, "t": range(4), "lat": 48.0 * sign, "lon": 11.0 * sign})
-        table.assign(lat_ns="S", lon_ew="W").to_parquet(tmp_path / side / "a.parquet")
+        table = table.assign(lat_ns="S", lon_ew=["W", "", "W", "W"])
+        table.loc[1, ["lat", "lon"]] = None
+        table.iloc[:2].to_parquet(tmp_path / side / "a.parquet")
+        table.iloc[2:].to_parquet(tmp_path / side / "b.parquet")
     folders = str(tmp_path / "t"), str(tmp_path / "e")
     options = ("--memory", "1GB", "--jobs", "1", "--distance", "haversine", *METRIC)
     assert "TGOSPA = 0," in invoke(*folders, *options).out

@@ -599,9 +599,19 @@ def test_a_header_of_the_other_axis_is_refused_with_a_way_that_works(invoke: Any
     assert "100 % of 2 object-steps" in invoke("g.csv", "e.csv", *options, *remedy).out
 
 
-def test_up_against_down_is_refused_with_a_way_that_works(invoke: Any) -> None:
-    Path("g.csv").write_text("id,t,east,north,up\n1,0,7,3,50\n1,1,9,4,60\n")
-    Path("e.csv").write_text("id,t,north,east,down\n1,0,3,7,-50\n1,1,4,9,-60\n")
-    answer = invoke("g.csv", "e.csv", "-c", "9", "-g", "1")
+@pytest.mark.parametrize(
+    ("y", "x", "named"),
+    [
+        ("north", "east", ()),
+        ("y", "x", ("--truth-columns", "x,y,z=up", "--estimate-columns", "x,y,z=down")),
+    ],
+)
+def test_up_against_down_is_refused_with_a_way_that_works(
+    invoke: Any, x: str, y: str, named: tuple[str, ...]
+) -> None:
+    Path("g.csv").write_text(f"id,t,{x},{y},up\n1,0,7,3,50\n1,1,9,4,60\n")
+    Path("e.csv").write_text(f"id,t,{y},{x},down\n1,0,3,7,-50\n1,1,4,9,-60\n")
+    options = ("-c", "9", "-g", "1", *named)
+    answer = invoke("g.csv", "e.csv", *options)
     remedy = answer.err.rpartition("use ")[2].partition(" (")[0].replace(" and ", " ").split()
-    assert "TGOSPA = 0," in invoke("g.csv", "e.csv", "-c", "9", "-g", "1", *remedy).out
+    assert "TGOSPA = 0," in invoke("g.csv", "e.csv", *options, *remedy).out

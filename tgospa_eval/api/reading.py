@@ -480,18 +480,23 @@ def check_sides(
             raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
     upward = [direction_of(side.headers.get("z", "")) for side in sides]
     if resolved.frames is None and {"up", "down"} <= {*upward}:
-        crs = {"up": "enu", "down": "ned"}
-        ways = [option(f"{r}_crs", crs[d]) for r, d in zip(ROLES, upward, strict=True)]
+        ways = " and ".join(option(f"{role}_crs", "enu") for role in ROLES)
         raise InputError(
-            f"z is {upward[0]} in {paths[0]}, and {upward[1]} in {paths[1]}; use "
-            f"{' and '.join(ways)} (enu: x east, y north, z up; ned: x north, y east, z down)"
+            f"z is {upward[0]} in {paths[0]}, and {upward[1]} in {paths[1]}; use {ways} (enu: x "
+            "east, y north, z up), with ned for a file whose x is north"
         )
     scales = [(one.unit_scale != 1, dict(one.scale)) for one in resolved.conversions]
     frames, distance = resolved.frames, resolved.evaluation.distance
-    metric = [option("distance", distance.name)] * 2 * distance.on_earth
-    if frames is not None and (frames.origin is not None or False in frames.is_local):
-        metric = [f"{one.option} {one.text}" for one in frames.frames]
-    check_units(sides, paths, lambda k, name: scales[k][0] or name in scales[k][1], metric)
+    earth = [option("distance", distance.name)] * 2 * distance.on_earth
+    axes = earth if frames is None else [f"{one.option} {one.text}" for one in frames.frames]
+    metric = frames is None or frames.origin is not None or False in frames.is_local
+    check_units(
+        sides,
+        paths,
+        lambda k, name: scales[k][0] or name in scales[k][1],
+        metres=axes if metric else earth,
+        degrees=axes,
+    )
     check_classes(sides, paths, resolved.reading.classes, resolved.each)
     filters = {"time", "class", "region", "where"}
     if not any(side.taken for side in sides) and any(

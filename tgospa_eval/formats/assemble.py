@@ -16,7 +16,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more, plain
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.fields import Coded, attribute_of, is_rounded
+from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_rounded
 from tgospa_eval.formats.headers import CORNERS, GROUP, ask, parse_columns
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import BOX, Reading, Regions, Shape
@@ -187,28 +187,44 @@ def _notices(rows: Rows, *, clouds: bool) -> Iterator[str]:
 def signed(rows: Rows) -> tuple[Rows, list[Notice]]:
     """Make latitudes in the south and longitudes in the west negative, if another column says so.
 
-    Also return notices about this, and a warning if the zone of UTM changes.
+    Also return notices about this, and a warning about rows for which the column does not say it.
     """
     roles, notices, numbers = rows.roles, [], rows.numbers
-    for column in set(roles.halves) & rows.attributes.keys():
-        values = np.char.upper(rows.attributes[column].astype(np.str_))
+    for column in [column for column in roles.halves if column in rows.attributes]:
+        values = rows.attributes[column].astype(np.str_)
+        is_text = np.char.isalpha(values) & ~np.isin(values, [*MISSING])
+        letter = np.where(is_text, np.char.upper(values.astype("U1")), "")
         for name, marks in (("lat", ("N", "S")), ("lon", ("E", "W"))):
-            minus = values.astype("U1") == marks[1]
-            if name in roles.names and minus.any() and np.isin(values.astype("U1"), marks).all():
+            minus, header = letter == marks[1], quoted(roles.headers[column])
+            if name in roles.names and minus.any():
                 k = roles.numbers.index(roles.state[roles.names.index(name)][0][0])
+                unknown = int(np.count_nonzero(~np.isin(letter, marks) & (numbers[:, k] > 0)))
                 numbers = numbers.copy(order="F")
                 numbers[minus, k] = -np.abs(numbers[minus, k])
-                text = f"{name} is negative where {quoted(roles.headers[column])} is {marks[1]}"
+                text = f"{name} is negative where {header} is {marks[1]}"
                 notices.append(Notice(text=text))
-        zones = sorted({value.removesuffix(".0") for value in values.tolist()})
-        if roles.names[0] == "x" and len(zones) > 1 and all(map(UTM_ZONE.fullmatch, zones)):
-            text = f"positions of several zones ({listed(zones)}) are compared as if in one"
-            remedy = "write all positions in one zone, or as lat,lon"
-            notices.append(Notice(code="utm-zones", text=text, remedy=remedy))
+                if unknown:
+                    text = f"{header} is neither {' nor '.join(marks)} in {counted(unknown, 'row')}"
+                    text, remedy = f"{text}, where {name} keeps its sign", "write it in all rows"
+                    notices.append(Notice(code="hemispheres", text=text, remedy=remedy))
     return replace(rows, numbers=numbers), notices
 
 
-UTM_ZONE = re.compile(r"0*([1-9]|[1-5]\d|60)[A-Z]?")
+UTM_ZONE = re.compile(r"0*([1-9]|[1-5]\d|60)([A-Za-z]|\.0)?")
+SMALLEST_EASTING = 1e5
+"""Metres that eastings of UTM exceed; smaller coordinates are not of UTM."""
+
+
+def _about_zones(values: Values, state: Floats) -> Iterator[Notice]:
+    """Warn if the zone of UTM changes; both arguments have the rows that take part."""
+    matches = map(UTM_ZONE.fullmatch, np.unique(values.astype(np.str_)).tolist())
+    zones = sorted({int(match[1]) for match in matches if match})
+    if len(zones) > 1 and np.median(state[:, 0]) > SMALLEST_EASTING:
+        yield Notice(
+            code="utm-zones",
+            text=f"positions of several zones ({listed(zones)}) are compared as if in one",
+            remedy="write all positions in one zone, or as lat,lon",
+        )
 
 
 def _about_corners(rows: Rows, options: ReadOptions) -> Iterator[Notice]:
@@ -255,6 +271,9 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
         values, header = rows.attributes.get(column), roles.headers[column]
         match = FLAG.fullmatch(header)
         if match is None or values is None:
+            continue
+        if match["zone"]:
+            yield from _about_zones(values[mask], state[mask])
             continue
         if values.dtype == object:  # True and False
             names = {"true": 1.0, "false": 0.0}

@@ -102,6 +102,11 @@ def from_frame(
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 
+def _decoded(value: object) -> object:
+    """Return a text for bytes, and any other value as it is."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else value
+
+
 def frame_rows(
     frame: pd.DataFrame,
     roles: Roles,
@@ -129,8 +134,10 @@ def frame_rows(
             return place(int(kept[row]))
 
     def named(column: int, wanted: str) -> Coded:
-        with _placed(frame.iloc[:, column], where):
-            return _texts(frame.iloc[:, column], wanted, ID_TYPES, _name)
+        values = frame.iloc[:, column]
+        values = values.map(_decoded) if column in roles.halves else values
+        with _placed(values, where):
+            return _texts(values, wanted, ID_TYPES, _name)
 
     def attribute(column: int) -> Values:
         values = frame.iloc[:, column]

@@ -453,11 +453,13 @@ def check_units(
     sides: Sequence[Reading],
     paths: Sequence[str],
     scaled: Callable[[int, str], bool],
-    metric: Sequence[str] = (),
+    *,
+    metres: Sequence[str] = (),
+    degrees: Sequence[str] = (),
 ) -> None:
     """Check that the sides state the same units; `scaled` says which columns have a factor.
 
-    `metric` has an option for each side, if the options need metres and degrees.
+    `metres` and `degrees` have an option for each side, if the options need these units.
 
     Raises
     ------
@@ -477,18 +479,19 @@ def check_units(
             one for one in stated if one[1] == name or (one[4] == is_length and one[3] and size)
         )
         other = f"{column} of {paths[first]} is in {known}"
-        if metric:
+        fixed = metres if is_length else degrees
+        if fixed:
             base, known = 1.0, "m" if is_length else "degrees"
-            other = f"{metric[k]} needs {known}"
+            other = f"{fixed[k]} needs {known}"
         if size == base:
             continue
-        remedy = f"write {f'it in {known}' if metric else 'both in one unit'}"
+        remedy = f"write {f'it in {known}' if fixed else 'both in one unit'}"
         if size and base:
             factors = [
                 [
-                    (n, s / base)
+                    (n, s if (metres if of else degrees) else s / base)
                     for i, n, _, s, of in stated
-                    if i == j and (metric or of == is_length)
+                    if i == j and (of == is_length or (metres if of else degrees))
                 ]
                 for j in range(len(ROLES))
             ]

@@ -107,7 +107,7 @@ class Roles:
     flags : tuple of int
         Unused columns that may say which rows do not count, see `FLAG`.
     halves : tuple of int
-        Columns that may say north or south, east or west, or a zone, see `HALF`.
+        Columns that may say north or south, and east or west, see `HALF`.
     height : str
         Header of a column that is left out: heights beside latitude and longitude, or elevation
         angles beside range and bearing.
@@ -161,8 +161,8 @@ class Roles:
 
     @property
     def _needed(self) -> set[int]:
-        """Columns of attributes and filters, of half globes, and further columns of ids."""
-        return {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.halves}
+        """Columns of attributes and filters, and further columns of ids."""
+        return {*self.attributes.values(), *self.where.values(), *self.more_ids}
 
     @property
     def known(self) -> set[int | None]:
@@ -171,9 +171,10 @@ class Roles:
 
     @property
     def doubtful(self) -> set[int]:
-        """Columns that are only read for messages, so their values may be of any type."""
+        """Columns that are read only for messages or signs, so values may be of any type."""
         other = [] if self.other_id is None else [self.other_id]
-        return {*self.groups, *self.flags, *self.dates, *other} - self._needed
+        every = {*self.groups, *self.flags, *self.halves, *self.dates, *other}
+        return every - self._needed
 
     @property
     def dates(self) -> list[int]:
@@ -442,11 +443,10 @@ def find_roles(
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
-    on_earth = wanted[:2] == PLACES
-    fits = (HALF if on_earth else ZONE).fullmatch
-    halves = tuple(k for k, name in enumerate(names) if fits(name) and k not in used)
-    halves = halves if len(halves) == 1 + on_earth else ()  # "ns" alone may be nanoseconds
-    used |= {*attributes.values(), *where_columns.values(), *(halves if on_earth else ())}
+    halves = tuple(k for k, name in enumerate(names) if HALF.fullmatch(name) and k not in used)
+    if wanted[:2] != PLACES or len(halves) != 2:  # "ns" alone may be nanoseconds
+        halves = ()
+    used |= {*attributes.values(), *where_columns.values(), *halves}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
@@ -571,12 +571,14 @@ CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?"
 
 
 FLAG = re.compile(
-    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(is_?)?vis(ib(le|ility))?", re.I
+    r"(?P<mark>iscrowd|ignored?)|(?P<score>conf|confidence)|(?P<zone>(utm[\W_]?)?zone)|"
+    r"(is_?)?vis(ib(le|ility))?",
+    re.I,
 )
 """Pattern of headers of columns that may say which rows do not count.
 
 A row seems not to count if its mark (``iscrowd``, ``ignore``) is above 0, or if its score or
-visibility is 0."""
+visibility is 0. Positions in several zones of UTM are not in one system."""
 
 
 HALF = re.compile(
@@ -584,8 +586,7 @@ HALF = re.compile(
     r"(ref|dir(ection)?|hemi(sphere)?|n[\W_]?s|e[\W_]?w)|(n[\W_]?s|e[\W_]?w)([\W_]?indicator)?",
     re.IGNORECASE,
 )
-ZONE = re.compile(r"(utm[\W_]?)?zone", re.IGNORECASE)
-"""Patterns of headers of columns that may have N or S and E or W, or numbers of UTM zones."""
+"""Pattern of headers of columns that may have N or S, and E or W."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:
@@ -706,13 +707,27 @@ class _Mixes:
             )
         return mix
 
+    def _has_z(self, x: int, *, plain: bool) -> bool:
+        """Return whether the table has the z of the position whose x is in this column.
+
+        Beside a `plain` x only ``z`` fits, also with a unit; up and down fit beside east or north.
+        """
+        headers, on_axes = self.headers, direction_of(self.headers.names[x]) in OTHER_AXIS
+        fits = [headers.names[k] for k in headers.places("z")]
+        if plain:
+            fits = [name for name in fits if words_of(name) in (["z"], ["z", unit_of(name)])]
+        fits = [name for name in fits if on_axes or not direction_of(name)]
+        if len(fits) == 1:
+            headers.mapped["z"] = fits[0]
+        return bool(fits)
+
     def default_states(self) -> tuple[str, ...]:
         """Return the state columns to use if the user named none.
 
         They are the first of these that the table has:
 
         1. x, y: the centres of boxes that the user mapped
-        2. x, y, z as far as present, but not without x
+        2. x, y, z as far as present, but not without x; z as `_has_z` says
         3. lat, lon
         4. x, y: the centres of other boxes
         5. x, y, z, read from ``loc_x``, ``loc_y``, ``loc_z``; only if
@@ -724,8 +739,9 @@ class _Mixes:
         if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
             return ("x", "y")
         for find in (self.plainly, self.headers.find):
-            if find("x") is not None:
-                return tuple(name for name in "xyz" if self.headers.find(name) is not None)
+            if (x := find("x")) is not None:
+                names = "xyz" if self._has_z(x, plain=find is self.plainly) else "xy"
+                return tuple(name for name in names if self.headers.find(name) is not None)
             if find("lat") is not None and find("lon") is not None:
                 return ("lat", "lon")
             if self.plain_box if find is self.plainly else self.box:

@@ -224,7 +224,8 @@ def evaluate_partitioned(
             )
             notices = list(_notices(known, axis, grid, plan, blocks))
             for notice in notices:
-                stopwatch.notify(str(notice))
+                if not notice.code:
+                    stopwatch.notify(str(notice))
     return replace(
         result,
         notices=tuple(one.sentence for one in (*diagnosed, *notices) if not one.code),

@@ -219,7 +219,7 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
 def columns_in_use(roles: Roles) -> list[str]:
     """Return the headers of all columns that are read, in a fixed order."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
-    columns += [*roles.numbers, *sorted({*roles.texts} - roles.doubtful)]
+    columns += [*roles.numbers, *sorted({*roles.texts} - roles.doubtful), *roles.halves]
     return [roles.headers[column] for column in columns]
 
 

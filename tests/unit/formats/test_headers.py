@@ -9,6 +9,7 @@ from rows import PLAIN, SAME, refusal, rows_of
 
 from tgospa_eval import ConfigError, InputError, evaluate, read_trajectories
 from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats.options import parse_where
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,7 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    "header", ["x,z", "X,pos_z", "east,north,up", "north,east,down", "x,y,z_m"]
+    "header", ["x,z", "east,north,up", "north,east,down", "x,y,z_m", "x_pos,y_pos,z_pos"]
 )
 def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
     size = len(header.split(","))
@@ -116,6 +117,14 @@ def test_no_axis_of_a_position_is_left_out(write: Write, header: str) -> None:
     found = read(path)
     assert not found.unused
     assert found.trajectories.columns == (("x", "z") if size == 2 else ("x", "y", "z"))
+
+
+@pytest.mark.parametrize("other", ["utm_x,utm_y,utm_z", "pos_z", "pos_z,z_pos", "up", "down"])
+def test_a_z_of_another_position_is_not_used(write: Write, other: str) -> None:
+    more = [",yes", ","][other == "pos_z"] * len(other.split(","))
+    found = read(write("a.csv", f"id,t,x,y,{other}\na,1,3,4{more}\n"))
+    assert rows_of(found.trajectories) == {("a", 1): (3.0, 4.0)}
+    assert found.unused == (*other.split(","),)
 
 
 @pytest.mark.parametrize("marks", [("S", "W"), ("south", "West")])
@@ -132,20 +141,39 @@ def test_hemispheres_are_the_signs_of_places(
     assert "ns" in read(other, ReadOptions(columns=("t=sec",))).unused
 
 
+def test_hemispheres_are_known_by_row(write: Write) -> None:
+    lines = "a,1,48,S,11,E\na,2,,,,\na,3,47,,11,e\na,4,49,s,11,W"
+    reading = read(write("a.csv", f"id,t,lat,ns,lon,ew\n{lines}\n"))
+    states = {("a", 1): (-48.0, 11.0), ("a", 3): (47.0, 11.0), ("a", 4): (-49.0, -11.0)}
+    assert rows_of(reading.trajectories) == states
+    assert [one.code for one in reading.warnings] == ["hemispheres"]
+    assert '"ns" is neither N nor S in 1 row, where lat keeps' in reading.warnings[0].text
+
+
+@pytest.mark.parametrize(("south", "sign"), [("S", -1), (b"S", -1), ([1], 1), (None, 1)])
+def test_hemispheres_of_other_types(south: object, sign: int) -> None:
+    table = pd.DataFrame({"id": 1, "t": [0, 1], "lat": 48.0, "lon": 11.0, "lon_ref": "E"})
+    found = read(table.assign(lat_ref=[south, south]), role="truth").trajectories
+    assert (found.state == [48 * sign, 11]).all()
+
+
 @pytest.mark.parametrize(
-    ("header", "zones", "warned"),
+    ("header", "zones", "x", "warned"),
     [
-        ("easting,northing,utm_zone", ("32", "33"), True),
-        ("x,y,zone", ("32U", "33U"), True),
-        ("x,y,zone", ("32", "32"), False),
-        ("x,y,zone", ("A", "B"), False),
+        ("easting,northing,utm_zone", ("32", "33"), 500000, True),
+        ("x,y,zone", ("32U", "33U"), 500000, True),
+        ("x,y,zone", ("32U", "33T"), 50, False),
+        ("x,y,zone", ("32U", "32V"), 500000, False),
+        ("x,y,zone", ("32", "32"), 500000, False),
+        ("x,y,zone", ("A", "B"), 500000, False),
     ],
 )
 def test_a_change_of_the_utm_zone_is_told(
-    write: Write, header: str, zones: tuple[str, str], warned: bool
+    write: Write, header: str, zones: tuple[str, str], x: int, warned: bool
 ) -> None:
-    path = write("a.csv", f"id,t,{header}\na,1,5,6,{zones[0]}\na,2,5,6,{zones[1]}\n")
+    path = write("a.csv", f"id,t,{header}\na,1,{x},6,{zones[0]}\na,2,{x},6,{zones[1]}\n")
     assert [one.code for one in read(path).warnings] == ["utm-zones"] * warned
+    assert not read(path, ReadOptions(where=parse_where("t < 2", "where"))).warnings
 
 
 @pytest.mark.parametrize(

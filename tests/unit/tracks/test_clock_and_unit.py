@@ -93,6 +93,26 @@ def test_units_other_than_those_of_a_frame_are_refused(
 
 
 @pytest.mark.parametrize(
+    "truth", ["range_m,bearing_rad", "range,bearing_deg", "range,bearing", "x,y"]
+)
+def test_bearings_are_degrees_without_an_origin_too(invoke: Run, write: Write, truth: str) -> None:
+    sides = [
+        write(name, f"id,t,{head}\n" + "".join(f"a,{t},1000,0.5\n" for t in range(3)))
+        for name, head in (("t.csv", truth), ("e.csv", "range_m,bearing_rad"))
+    ]
+    crs = "enu" if truth == "x,y" else "range,bearing"
+    options = ("--truth-crs", crs, "--estimate-crs", "range,bearing", *METRIC)
+    answer = invoke(*sides, *options)
+    assert (answer.status, "needs degrees; use " in answer.err) == (2, True)
+    assert "--estimate-scale bearing=57.2957795131\n" in answer.err
+    way = answer.err.split("; use ")[1].replace(" and ", " ").split()
+    assert invoke(*sides, *options, *way).status == 0
+    degrees = write("d.csv", "id,t,range,bearing_deg\na,0,1000,0.5\n")
+    options = ("--truth-crs", "range,bearing", *options[2:])
+    assert "the unit is called" not in invoke(degrees, degrees, *options, "--unit", "m").err
+
+
+@pytest.mark.parametrize(
     ("head", "options", "unit", "own"),
     [
         ("x_km,y_km", "", "m", "km"),

@@ -464,7 +464,8 @@ def explained(warnings: Sequence[Notice]) -> bool:
 def unit_notices(request: "EvaluationRequest", sides: Sequence["Reading"]) -> Iterator[Notice]:
     """Yield a warning if the states are in another unit of length or angle than the user says."""
     distance, own = request.distance, ""
-    stated = {unit for side in sides for unit in side.units.values()}
+    angles = {"bearing", "elevation"}
+    stated = {u for side in sides for name, u in side.units.items() if name not in angles}
     pixels = any(side.pixels for side in sides)
     if distance.on_earth or "origin" in request.recorded:
         own = "m"
