@@ -541,6 +541,7 @@ PARKED = "".join(f"2,{t},0,9,4\n" for t in range(9))
         ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--ignore 'iscrowd>0'"),
         ("ignore", vis(mark="True,False"), vis(mark="False,False"), "--ignore ignore=True"),
         ("ignored", vis(mark="1,0"), vis(mark="0,0"), "--ignore marked"),
+        ("ignored", vis(mark="0.5,0"), vis(mark="0,0"), "--ignore 'ignored>0'"),
         ("ignore", vis(mark="0,0"), vis(mark="1,0"), "--estimate-where 'ignore == 0'"),
     ],
 )

@@ -281,7 +281,8 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
             rule = ">0" if match["mark"] else "=0"
             if values is not rows.attributes[column]:
                 rule = f"={rows.attributes[column][at[0]]}"
-            rule = MARKED if header == IGNORED else f"{header}{rule}"
+            is_marked = header == IGNORED and np.isin(values, (0, 1)).all()
+            rule = MARKED if is_marked else f"{header}{rule}"
             remedy = f"{ask('ignore', [rule])} lets tracks follow them at no cost"
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
