@@ -342,12 +342,17 @@ def test_a_constant_height_shows_no_unit(
     assert "times too" not in told
 
 
-def test_degrees_beside_heights_are_told_and_never_scaled(invoke) -> None:
+def test_degrees_beside_heights_are_told_and_never_scaled(invoke, tmp_path: Path) -> None:
     files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv"), "--columns", "lat,lon,alt"
     told = invoke(*files, "--distance", "euclidean", "-c", "300", "-g", "100").err
     assert "lat, lon, alt are compared as plain numbers: degrees are added to others" in told
     assert "or use --estimate-scale alt=3.2808" in told
     told = invoke(*files, "--distance", "haversine", "-c", "300", "-g", "100").err
+    assert "haversine does not use heights; use --distance geodesic" in told
+    feet = tmp_path / "feet.csv"
+    feet.write_text("id,t,lat,lon,alt_ft\n1,0,56,13,900\n")
+    both = (*[str(feet)] * 2, "--columns", "lat,lon,alt=alt_ft", "-c", "300", "-g", "100")
+    told = invoke(*both, "--distance", "haversine").err
     assert "haversine does not use heights; use --distance geodesic" in told
     local = "--estimate-crs", "enu", "--origin", "56,13", "--distance", "geodesic", "-c", "300"
     assert "leave --distance out" in invoke(*files[:2], *local).err
@@ -465,6 +470,12 @@ def test_heights_of_both_sides_take_part() -> None:
     assert evaluate(truth, higher, distance="geodesic", columns=columns, **metric).total == 0
     with pytest.raises(ConfigError, match="both sides have heights"):
         evaluate(truth, higher, distance="haversine", **metric)
+    utm = pd.DataFrame({"id": "a", "t": range(3), "x": 5e5, "y": 5e6, "height": height})
+    system: dict[str, Any] = dict.fromkeys(("truth_crs", "estimate_crs"), "EPSG:32632")
+    with pytest.raises(ConfigError, match=r"with truth_columns=\('x', 'y'\) estimate_columns"):
+        evaluate(utm, utm, distance="haversine", **system, **metric)
+    both = dict.fromkeys(("truth_columns", "estimate_columns"), ("x", "y"))
+    assert evaluate(utm, utm, distance="haversine", **system, **metric, **both).total == 0
     partly = higher.assign(altitude=[1.0, np.nan, 2.0])
     result = evaluate(truth, partly, distance="geodesic", **metric)
     assert (result.total, result.evaluated_on.truth_states) == (0, 3)

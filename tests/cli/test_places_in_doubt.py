@@ -105,7 +105,7 @@ def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     assert "warning: b.csv: x, y: the same in all rows, as of an unknown position" in answer.err
 
 
-@pytest.mark.parametrize("mark", [-1, 0, -999, -9999, 9999, -32768, 99999])
+@pytest.mark.parametrize("mark", [-1, -999, -9999, 9999, -32768, 99999])
 @pytest.mark.parametrize("header", ["id,t,x,y", "id,t,Pos X,Pos Y"])
 def test_a_mark_in_some_rows_is_no_place(invoke: Invoke, mark: int, header: str) -> None:
     rows = [(k, t, 50 + 10 * k + t, 70 + 2 * t) for t in range(6) for k in range(4)]
@@ -114,10 +114,11 @@ def test_a_mark_in_some_rows_is_no_place(invoke: Invoke, mark: int, header: str)
     options = "-c", "5", "-g", "1", *columns
     write("a.csv", header, rows)
     marked = [(k, t, *([mark] * 2 if (k + t) % 3 == 0 else (x, y))) for k, t, x, y in rows]
+    marked += [(5, t, mark, mark) for t in range(6)]
     write("b.csv", header, marked)
     answer = invoke("a.csv", "b.csv", *options)
     way = f"{at} != {mark}"
-    assert f"warning: b.csv: 8 rows are at {mark},{mark}, far from" in answer.err
+    assert f"warning: b.csv: 14 rows are at {mark},{mark}, far from" in answer.err
     assert f"--estimate-where '{way}' leaves them out" in answer.err
     answer = invoke("a.csv", "b.csv", *options, "--estimate-where", way)
     assert "0 false" in answer.out.replace("\n", " ")
@@ -131,11 +132,22 @@ def test_a_mark_in_some_rows_is_no_place(invoke: Invoke, mark: int, header: str)
         lambda k, t: (t + k, t + k),  # all move along one line
         lambda k, t: (0, 0) if t < 9 else (t - 8, k),  # parked at the origin
         lambda k, t: (0, 0) if k == 0 else (t - 9, k),  # the sensor itself
+        lambda k, t: (0, 0) if k == 0 and 9 < t < 13 else (45 + k + t / 9, 3),  # a kick-off
+        lambda k, t: (10, 10) if t % 6 < 2 else (60 + t % 6, 70 + k),  # the place of a new start
+        lambda k, t: (5, 5) if t // 5 % 2 else (20, 30 + k),  # two places in turn
+        lambda k, t: (-1, -1) if k == 0 and t < 3 else (t * k - 90, k),  # one of many places
     ],
 )
 def test_places_at_the_origin_are_no_marks(invoke: Invoke, place: Any) -> None:
     write("a.csv", "id,t,x,y", [(k, t, *place(k, t)) for t in range(18) for k in range(4)])
     assert "unknown position" not in invoke("a.csv", "a.csv", "-c", "5", "-g", "1").err
+
+
+def test_no_fix_is_no_place(invoke: Invoke) -> None:
+    rows = [(1, t, *((0, 0) if t in (3, 4) else (48 + t / 1e5, 11))) for t in range(9)]
+    write("a.csv", "id,t,lat,lon", rows)
+    told = invoke("a.csv", "a.csv", "-c", "5", "-g", "1", "--distance", "haversine").err
+    assert "a.csv: 2 rows are at 0,0, far from" in told
 
 
 def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
@@ -196,19 +208,31 @@ def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
         evaluate(truth, table, **given)
 
 
-def test_corners_in_a_format_of_widths_are_told(invoke: Invoke) -> None:
+PLACED = {
+    "corners": lambda k, t: (300 * k + 5 * t, 200 + 2 * t, 300 * k + 5 * t + 20, 240 + 2 * t),
+    "widths": lambda k, t: (300 * k + 5 * t, 200 + 2 * t, 20, 40),
+    "close": lambda k, t: (20 * k + t / 2, 10 * k + t, 120 + 20 * k + t, 100 + 20 * k + 2 * t),
+    "deep": lambda k, t: (50 + 100 * k, 50 + 60 * k + 2 * t, 80 + 90 * k, 160 + 60 * k + 2 * t),
+    "alone": lambda k, t: (5 + 2 * t + 900 * (k > 0), 5 + 2 * t, 80 + 2 * t, 160 + 2 * t),
+}
+
+
+@pytest.mark.parametrize("kind", PLACED)
+def test_corners_in_a_format_of_widths_are_told(invoke: Invoke, kind: str) -> None:
+    rows = [(t, k, *PLACED[kind](k, t), 1) for t in range(1, 9) for k in range(4)]
     for name, by in (("gt.txt", 0), ("res.txt", 3)):
-        rows = [(f, k, x + by, y, x + w + by, y + h, 1) for f, k, x, y, w, h in boxes()]
-        Path(name).write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+        moved = [
+            (t, k, x + by, y, x2 + by * (kind == "corners"), *z) for t, k, x, y, x2, *z in rows
+        ]
+        Path(name).write_text("".join(",".join(map(str, row)) + "\n" for row in moved))
     metric = ("-c", "50", "-g", "10")
-    doubtful = invoke("gt.txt", "res.txt", *metric)
+    told = invoke("gt.txt", "res.txt", *metric, "--estimate-format", "motchallenge").err
     names = "t,id,left,top,right,bottom"
-    assert f"--estimate-columns {names} reads them so" in doubtful.err
-    answer = invoke("gt.txt", "res.txt", *metric, "--columns", names)
-    assert value(answer) == pytest.approx((12 * 9) ** 0.5, rel=1e-5)
-    rows = [(*row, 1) for row in boxes()]
-    Path("plain.txt").write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
-    assert "reads them so" not in invoke("plain.txt", "plain.txt", *metric).err
+    remedy = f"--estimate-columns {names} reads them so; leave --estimate-format out"
+    assert (remedy in told) == (kind == "corners")
+    if kind == "corners":
+        answer = invoke("gt.txt", "res.txt", *metric, "--columns", names)
+        assert value(answer) == pytest.approx((32 * 9) ** 0.5, rel=1e-5)
 
 
 def test_x_and_y_beside_the_other_corner_are_in_doubt(invoke: Invoke) -> None:

@@ -356,6 +356,23 @@ def test_nested_records(invoke: Invoke, text: Callable[[str], str]) -> None:
     assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    "by_key",
+    [
+        {"0": [{"id": 1, "x": 0, "y": 0}], "1": [], "2": []},
+        {"a": [{"t": 0, "x": 0, "y": 0}], "b": []},
+        {"7": [{"t": 0, "x": 0, "y": 0, "past": [{"x": 1}]}]},
+        {"a": [{"t": 0, "x": 0, "y": 0, "past": [{"x": 1}]}], "b": []},
+        {"all": [{"t": 0, "at": [{"track_id": 1, "x": 0, "y": 0}]}], "none": []},
+    ],
+)
+def test_a_single_list_in_a_mapping(invoke: Invoke, by_key: dict[str, Any]) -> None:
+    Path("truth.json").write_text(json.dumps(by_key))
+    answer = invoke("truth.json", "truth.json", "-c", "5", "-g", "2")
+    assert total(answer) == 0
+    assert "1 object-step" in answer.out.replace("\n", " ")
+
+
 def test_boxes_in_lists_are_corners_or_sizes(invoke: Invoke) -> None:
     def text(side: str) -> str:
         return json.dumps(
@@ -524,6 +541,7 @@ PARKED = "".join(f"2,{t},0,9,4\n" for t in range(9))
         ("iscrowd", vis(mark="1,0"), vis(mark="0,0"), "--ignore 'iscrowd>0'"),
         ("ignore", vis(mark="True,False"), vis(mark="False,False"), "--ignore ignore=True"),
         ("ignored", vis(mark="1,0"), vis(mark="0,0"), "--ignore marked"),
+        ("ignored", vis(mark="0.5,0"), vis(mark="0,0"), "--ignore 'ignored>0'"),
         ("ignore", vis(mark="0,0"), vis(mark="1,0"), "--estimate-where 'ignore == 0'"),
     ],
 )

@@ -30,6 +30,7 @@ from tgospa_eval.formats.reading import (
 )
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.quoting import listed, option
+from tgospa_eval.tracks.trajectories import HEIGHT
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
@@ -487,6 +488,9 @@ def check_sides(
         )
     scales = [(one.unit_scale != 1, dict(one.scale)) for one in resolved.conversions]
     frames, distance = resolved.frames, resolved.evaluation.distance
+    for side, path in zip(sides, paths, strict=True):
+        if HEIGHT in side.trajectories.columns:  # before their units are checked
+            distance.check_columns(side.trajectories.columns, path)
     earth = [option("distance", distance.name)] * 2 * distance.on_earth
     axes = earth if frames is None else [f"{one.option} {one.text}" for one in frames.frames]
     metric = frames is None or frames.origin is not None or False in frames.is_local

@@ -230,24 +230,34 @@ def _about_zones(values: Values, state: Floats) -> Iterator[Notice]:
 def _about_corners(rows: Rows, options: ReadOptions) -> Iterator[Notice]:
     """Warn if widths and heights, in a format without headers, seem to be edges of boxes.
 
-    They seem so if they exceed the left and top edges in all rows, and vary more than the excess.
+    They seem so if they exceed the left and top edges in all rows, three objects or more move along
+    both axes, and in each object the excess varies at most a tenth as much as they do.
     """
-    roles = rows.roles
+    roles, track = rows.roles, rows.ids[1]
     is_fixed = roles.fixed and rows.whole and len(rows.numbers) > 0
     if not (is_fixed and roles.sizes and {*PLACED} <= {*roles.headers}):
         return
     columns = [roles.headers.index(name) for name in PLACED]
     box = roles.mixed(rows.numbers, [((column, 1.0),) for column in columns])
+    count = np.maximum(np.bincount(track), 1)
+
+    def spread(values: Floats) -> Floats:
+        return np.bincount(track, (values - (np.bincount(track, values) / count)[track]) ** 2)
+
     with np.errstate(over="ignore", invalid="ignore"):  # boxes too large for numbers are told later
         size = box[:, 2:] - box[:, :2]
-        spread, whole = 2 * size.var(0), box[:, 2:].var(0)
-    if (size > 0).all() and (spread <= whole).all() and (spread < whole).any():
+        each = [(spread(size[:, k]), spread(box[:, 2 + k])) for k in (0, 1)]
+    if (size > 0).all() and all(
+        (10 * of_size <= of_edge).all() and np.count_nonzero(of_edge > count) > 2
+        for of_size, of_edge in each
+    ):
         edges = dict(zip(columns, CORNERS, strict=True)) | {roles.id: "id", roles.time: "t"}
         named = [edges.get(k, "-") for k in range(max(edges) + 1)]
         yield Notice(
             code="corner-or-centre",
             text="width and height grow with left and top, as if they were the right bottom corner",
-            remedy=f"{ask(options.option, named)} reads them so",
+            remedy=f"{ask(options.option, named)} reads them so; leave "
+            f"{option(f'{_side(rows)}format')} out",
         )
 
 
@@ -290,7 +300,8 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
             rule = ">0" if match["mark"] else "=0"
             if values is not rows.attributes[column]:
                 rule = f"={rows.attributes[column][at[0]]}"
-            rule = MARKED if header == IGNORED else f"{header}{rule}"
+            is_marked = header == IGNORED and np.isin(values, (0, 1)).all()
+            rule = MARKED if is_marked else f"{header}{rule}"
             remedy = f"{ask('ignore', [rule])} lets tracks follow them at no cost"
         if match["mark"] or match["score"]:
             flag = "not 0" if match["mark"] else "0"
@@ -317,35 +328,39 @@ def _side(rows: Rows) -> str:
 LEAP = 5.0
 """Multiple of a usual displacement between consecutive rows of a track, see `_about_places`."""
 
+MARKS = (-1, -999, *(k * (10**n - 1) for n in range(4, 8) for k in (1, -1)), -(2**15), -(2**31))
+"""Numbers that programs write in place of an unknown coordinate."""
+
 
 def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
-    """Yield a warning if some rows seem to have a mark, such as -1,-1, instead of a position.
+    """Yield a warning if some rows seem to have a mark, such as -999,-999, instead of a position.
 
-    All columns of the position have one number in these rows, and their tracks jump there and back.
+    All columns of the position have one number of `MARKS` in these rows, to which tracks jump. The
+    number can be 0 for latitudes and longitudes, and -1 only if all other numbers are positive.
     """
     roles, track = rows.roles, rows.ids[1]
     columns = list(dict.fromkeys(column for mix in roles.state[:2] for column, _ in mix))
-    first, *rest = (rows.numbers[:, roles.numbers.index(column)] for column in columns)
-    alike = np.logical_and.reduce([mask, *(first == other for other in rest)])
-    if np.count_nonzero(alike) < 2 or not rest or not roles.headers:
+    if len(columns) < 2 or not roles.headers:
         return
-    place = np.column_stack((first, *rest))
-    values, counts = np.unique(first[alike], return_counts=True)
+    marks = (*MARKS, 0) if roles.names[:2] == ("lat", "lon") else MARKS
+    place = rows.numbers[:, [roles.numbers.index(column) for column in columns]]
+    alike = mask & np.isin(place[:, 0], marks) & (place == place[:, :1]).all(axis=1)
+    if np.count_nonzero(alike) < 2:
+        return
+    values, counts = np.unique(place[alike, 0], return_counts=True)
     value = values[counts.argmax()]
-    off = alike & (first == value)
-    order = np.flatnonzero(mask & np.isin(track, track[off]))
+    off = alike & (place[:, 0] == value)
+    if value == -1 and not (place[mask & ~off] > 0).all():
+        return
+    order = np.flatnonzero(mask)
     order = order[np.lexsort((rows.times.value[order], track[order]))]
     own = np.diff(track[order]) == 0
     with np.errstate(over="ignore", invalid="ignore"):
         moves = np.linalg.norm(np.diff(place[order], axis=0), axis=1)
     before, after = off[order][:-1], off[order][1:]
     moving, leaps = moves[own & ~before & ~after & (moves > 0)], moves[own & (before != after)]
-    if not np.isin(track[off], track[mask & ~off]).all():
-        return
-    # An object at rest may be there, and leave once. So one at rest must jump there and back.
-    fewest = 2 if len(moving) else len(np.unique(track[off])) + 1
     largest = np.quantile(moving, 0.9) if len(moving) else 0.0
-    if len(leaps) >= fewest and np.median(leaps) > LEAP * largest:
+    if len(leaps) and np.median(leaps) > LEAP * largest:
         count = np.count_nonzero((place == value)[mask], axis=0)
         number, header = plain(float(value)), roles.headers[columns[int(count.argmin())]]
         header = header if header.isidentifier() else f'"{header}"'
@@ -353,7 +368,7 @@ def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
         yield Notice(
             code="no-place",
             text=f"{counted(int(off.sum()), 'row is', 'rows are')} at {number},{number}, far from "
-            "the other rows of their tracks, as of an unknown position",
+            "other rows of their tracks, as of an unknown position",
             remedy=f"{remedy} leaves them out",
         )
 

@@ -340,7 +340,8 @@ def with_heights(
         return list(sides)
     have = [bool(one.height) or len(one.trajectories.columns) > 2 for one in there]
     if all(have):
-        check_heights(list(filter(None, headers)), distance)
+        columns = [one.trajectories.columns[:2] for one in there]
+        check_heights(list(filter(None, headers)), distance, columns)
     answer: list[Reading | None] = list(sides)
     for k, (one, own, read_by, name) in enumerate(zip(there, options, again, names, strict=False)):
         if one.height and (all(have) or local):
@@ -412,8 +413,10 @@ def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
     return replace(estimate, classes=tuple(classes), notices=said, warnings=warnings)
 
 
-def check_heights(headers: Sequence[str], distance: str) -> None:
+def check_heights(headers: Sequence[str], distance: str, columns: Sequence[Sequence[str]]) -> None:
     """Check that the distance supports heights, which both sides have under these headers.
+
+    `columns` has the other state columns of both sides.
 
     Raises
     ------
@@ -421,11 +424,11 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
         The distance does not support heights.
     """
     if distance == "haversine":
+        ways = [option(f"{r}_columns", ",".join(c)) for r, c in zip(ROLES, columns, strict=True)]
         raise ConfigError(
             f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), but "
             f"{option('distance', 'haversine')} ignores heights; use "
-            f"{option('distance', 'geodesic')}, or leave heights out with "
-            f"{option('columns', 'lat,lon')}"
+            f"{option('distance', 'geodesic')}, or leave heights out with {' '.join(ways)}"
         )
 
 

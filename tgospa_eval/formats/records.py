@@ -75,15 +75,18 @@ def _records_in(document: Mapping[str, Any]) -> Any:
     """Return the records of a mapping in one of these forms; other mappings are unchanged.
 
     - A list of records for each frame or each object. Its key becomes the time or the id of its
-      records, except if there is a single list, and its records contain lists of records.
+      records, except if there is a single list, and its records have ids and times.
     - One list of records beside other values, such as ``{"meta": {...}, "frames": [...]}``.
     - A table as of `DataFrame.to_json`.
     """
     values = [*document.values()]
     lists = [value for value in values if value and _are_records(value)]
-    if len(lists) == 1 and (len(values) > 1 or any(map(_are_records, lists[0][0].values()))):
-        return lists[0]
-    if document and all(map(_are_records, values)):
+    by_key = all(map(_are_records, values))
+    if len(lists) == 1:
+        places = Headers([*next(iter(_unnested(lists[0])), {})], {}, "", "").places
+        if not by_key or (places("id") and places("t")):
+            return lists[0]
+    if document and by_key:
         first: Record = next((record for records in values for record in records), {})
         key = "id" if Headers(list(first), {}, "", "").places("t") else "t"
         return [{key: name, **record} for name, records in document.items() for record in records]

@@ -347,7 +347,7 @@ def _with_height(
 
 def _heights_of_objects(headers: Headers) -> set[int]:
     """Return the columns ``height`` that are sizes, as the table also has a width or a length."""
-    sized = any({"length", "width"} & {*words_of(name)} for name in headers.names)
+    sized = any({"length", "width", "dx", "dy"} & {*words_of(n)} for n in headers.names)
     return {*headers.places("height")} if sized or headers.places("width") else set()
 
 
@@ -364,17 +364,20 @@ def _other_heights(
     headers: Headers, wanted: tuple[str, ...], unused: Sequence[str]
 ) -> Iterator[Notice]:
     """Warn if heights are left out, because it is not sure that they are metres, or heights."""
-    sizes = [headers.names[k] for k in _heights_of_objects(headers)]
-    heights = [n for n in unused if n not in sizes and HEIGHTS.fullmatch(" ".join(words_of(n)))]
+    sizes = _heights_of_objects(headers) if wanted == PLACES else headers.places("height")
+    own = {headers.names[k] for k in sizes}
+    heights = [n for n in unused if n not in own and HEIGHTS.fullmatch(" ".join(words_of(n)))]
     if not heights or wanted not in (PLACES, ("x", "y")):
         return
-    both = ask(headers.option, [*wanted, f"{OF_HEIGHTS[wanted]}={heights[0]}"])
-    yield Notice(
-        code="heights-left-out",
-        text=f"heights ({listed(heights)}) are left out",
-        remedy=f"if both files have heights in {'metres' if wanted == PLACES else 'one unit'}, "
-        f"{both} compares them",
-    )
+    text, words = f"heights ({listed(heights)}) are left out", words_of(heights[0])
+    if wanted == PLACES:
+        unknown = any(LENGTHS.get(word, 1) != 1 or word in ("fl", "flight") for word in words)
+        text += ": they are not in metres" * unknown
+        remedy = "to compare heights, write them in metres in a column alt of both files"
+    else:
+        remedy = "if both files have heights, in one unit, map z in both: "
+        remedy += ask(headers.option, [*wanted, f"z={heights[0]}"])
+    yield Notice(code="heights-left-out", text=text, remedy=remedy)
 
 
 def find_roles(

@@ -260,7 +260,8 @@ def _with_heights(
     headers = [roles.height for roles in heads]
     each = list(zip(headers, reading, (roles.names for roles in heads), strict=True))
     if all(headers):
-        check_heights(headers, request_of(heads[0].names).distance.name)
+        columns = [roles.names[:2] for roles in heads]
+        check_heights(headers, request_of(heads[0].names).distance.name, columns)
         first, second = (replace(one, heights="use") for one in reading)
         return (first, second), [Notice(text=heights_notice(*one)) for one in each]
     pairs = zip(each, paths, paths[::-1], strict=True)

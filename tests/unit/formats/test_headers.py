@@ -202,14 +202,18 @@ def test_boxes_are_known_by_the_names_of_their_corners(
     [
         ("x,y,alt", "x', 'y', 'z=alt'"),
         ("easting,northing,Elevation (m)", "'z=Elevation (m)'"),
-        ("x,y,height", "'z=height'"),
+        ("x,y,height", ""),
+        ("lat,lon,alt_ft", "are left out: they are not in metres; to compare"),
+        ("lat,lon,dx,dy,height_m", ""),
         ("x,y,length,height", ""),
         ("x,y,person_height", ""),
         ("x,y,alt_rate", ""),
     ],
 )
 def test_heights_beside_x_and_y_are_told(write: Write, header: str, said: str) -> None:
-    reading = read(write("a.csv", f"id,t,{header}\na,1{',2' * (header.count(',') + 1)}\n"))
+    path = write("a.csv", f"id,t,{header}\na,1{',2' * (header.count(',') + 1)}\n")
+    reading = read(path, ReadOptions(heights="tell" if "lat" in header else ""))
+    assert not reading.height
     assert [said in str(one) for one in reading.warnings] == [True] * bool(said)
     assert {one.code for one in reading.warnings} <= {"heights-left-out"}
 
