@@ -263,7 +263,8 @@ class Group:
 
         Copies in the baseline matter only without copies among the new runs.
         """
-        added = [name for scene in self.scenes for name in scene.added]
+        runs = (item for scene in self.scenes for item in scene.added.items())
+        added = [name for name, one in runs if not one.is_new]
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
             yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
