@@ -775,8 +775,12 @@ def test_a_new_scene_passes_until_the_target_has_it(
     assert answer.status == 0
     assert "5 pairs new, not judged" in " ".join(answer.out.split())
     assert "warning: total is at least" in answer.out
-    runs(0, 1, seeds=[*range(1, 6), 7])  # another seed of scenes that are known
-    assert against().status == 0
+    runs(0, 1)
+    monkeypatch.setitem(SCENES, "slow", 400.0)  # above the limit, which only warns
+    runs(0, 1, seeds=[7])  # another seed of scenes that are known
+    answer = against("--strict")
+    assert (answer.status, "9 pairs new, not judged" in " ".join(answer.out.split())) == (0, True)
+    assert "slow/7: warning: total is at least" in answer.out
     write("out/new/1.csv", "")
     assert against().status == 3
     write("out/slow/7.csv", "id,t,x,y\n")  # its truth is not in the target

@@ -245,6 +245,29 @@ def test_other_seeds_are_judged_on_the_same_truth_and_steps(gate: Invoke, own: b
     assert "11: not judged on the same steps and truth" in groups(answer)["a"]["notes"][0]
 
 
+@pytest.mark.parametrize(  # copies: whether two runs of the baseline are copies
+    ("before", "copies"), [("20 20 20 20 20 20", False), ("19 19 20 21 22 18", True), ("20", False)]
+)
+def test_other_seeds_with_truths_of_their_own_are_comparable(
+    gate: Invoke, before: str, copies: bool
+) -> None:
+    def seeds(first: int, steps: list[str]) -> None:
+        for folder in ("data/a", "out/a"):
+            shutil.rmtree(folder)
+        for seed, own in enumerate(steps, first):
+            runs(seed, scenes="a", seeds=[seed], steps=int(own), spread=0.01)
+            text = Path(f"data/a/{seed}/truth.csv").read_text()
+            write(f"data/a/{seed}/truth.csv", text.replace(",0\n", f",{seed / 1e5}\n"))
+
+    write("suite.toml", SUITE.replace('name = "{scene}"', 'name = "all"'))
+    seeds(1, before.split())
+    for path in ("data/a/{}/truth.csv", "out/a/{}.csv") if copies else ():
+        shutil.copy(path.format(1), path.format(2))
+    assert gate("--update-baseline", "--prune").status == 0
+    seeds(11, ["23", "17", "25", "20", "19", "26"][: len(before.split())])
+    assert gate().status == 0
+
+
 def test_a_run_that_stops_early_fails(gate: Invoke) -> None:
     lines = Path("out/b/2.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     write("out/b/2.csv", "".join(lines[:4]))

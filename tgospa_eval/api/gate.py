@@ -316,11 +316,12 @@ def _with_faults(
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
         # A pair that the baseline lacks is not marked as new if only its seed is new: the baseline
-        # has a pair with the same other labels, which is judged, too, or the target has the truth;
-        # and a group judges it.
-        in_group = scene(pair.labels) in (scenes if target.has(pair.truth) else kept)
-        in_group = in_group and any(table.has(pair.labels) for table in tables)
-        yield replace(pair, is_new=old is not None and pair.name not in known and not in_group)
+        # has a pair with the same other labels, the target has the truth, and a group judges it.
+        # Without the truth, the group only judges whether it is dead, if it judges such a pair.
+        own, in_group = scene(pair.labels), any(table.has(pair.labels) for table in tables)
+        known_scene = in_group and own in scenes and target.has(pair.truth)
+        is_new = old is not None and pair.name not in known and not known_scene
+        yield replace(pair, is_new=is_new, in_scene=in_group and own in kept)
 
 
 def _pairs(

@@ -70,6 +70,8 @@ class Job:
         Verdict of the gate on this job, if it has a fault.
     is_new : bool
         Whether the job is new: the target of the gate lacks it.
+    in_scene : bool
+        Whether a new job fails if it is dead, because only its seed and its truth are new.
     in_memory : mapping of str to object
         Data in memory, under the keys ``truth`` and ``estimate``. For such data, the parameter
         `truth` or `estimate` is a name to show, not a path. The key ``mapping`` says which
@@ -88,6 +90,7 @@ class Job:
     fault: str = ""
     fault_is: str = "error"
     is_new: bool = False
+    in_scene: bool = False
     in_memory: Mapping[str, Any] = field(default_factory=dict)
     digest: str = ""
 

@@ -60,6 +60,8 @@ class Measured:
         Whether no state of the estimate was evaluated.
     stored : bool
         Whether the values are from a store.
+    is_new : bool
+        Whether the target of the gate lacks the evaluation.
     """
 
     values: Mapping[str, Value]
@@ -74,6 +76,7 @@ class Measured:
     nees: NeesSums | None = None
     silent: bool = False
     stored: bool = False
+    is_new: bool = False
 
     @property
     def order(self) -> float:

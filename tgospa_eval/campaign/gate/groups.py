@@ -37,7 +37,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -153,6 +152,27 @@ class SceneRuns:
             first = second = [k for k in first if k in second]
         return first, second
 
+    def foreign(self) -> Iterator[str]:
+        """Yield the names of new runs on steps or a truth that no run of the baseline has.
+
+        The runs have other seeds than the baseline. If no two seeds have the same truth, the steps
+        matter only if they are the same in all new runs, and in the whole baseline.
+        """
+        sides = [one.evaluated_on for one in self.now], [entry["judged"] for entry in self.old]
+        steps, truths = (
+            [{one[name] for one in side} for side in sides]
+            for name in ("steps_sha256", "truth_sha256")
+        )
+        shared = any(
+            len(own) < (len({*first}) if len(own) > 1 else len(first))
+            for own, first in zip(truths, self.originals, strict=True)
+        )
+        alike = all(len(own) == 1 < len(side) for own, side in zip(steps, sides, strict=True))
+        for name, one in zip(self.names, sides[0], strict=True):
+            other = one["steps_sha256"] not in steps[1]
+            if (shared and (other or one["truth_sha256"] not in truths[1])) or (alike and other):
+                yield name
+
     def rises(self, now: Floats, old: Sequence[Floats]) -> Rises | None:
         """Return the rises of the costs of new runs above their limits; copies add no certainty."""
         first, second = self.tested
@@ -243,7 +263,8 @@ class Group:
 
         Copies in the baseline matter only without copies among the new runs.
         """
-        added = [name for scene in self.scenes for name in scene.added]
+        runs = (item for scene in self.scenes for item in scene.added.items())
+        added = [name for name, one in runs if not one.is_new]
         if added:
             text = f"{listed(added, SHOWN)}: not in the baseline, so only the rule on dead runs and"
             yield Notice(code="not-in-baseline", text=f"{text} 'max' apply")
@@ -519,18 +540,6 @@ def _group(
                 "other seeds; if that is right, renew the baseline"
             )
             continue
-        reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
-        if not common:
-            reasons = [
-                f"{mine[0]}: {option} is {value}, in the baseline {before}"
-                for option, value, before in unlike(
-                    now[mine[0]].parameters, old[theirs[0]]["parameters"]
-                )
-            ]
-            sides = [old[run]["judged"] for run in theirs], [now[run].evaluated_on for run in mine]
-            for run in [mine[k] for k in _foreign(*sides)]:
-                reasons += [f"{run}: {text}" for text in differences(old[theirs[0]], now[run])]
-        faults += reasons[:1]
         names = common or mine
         scenes.append(
             SceneRuns(
@@ -542,27 +551,23 @@ def _group(
                 added={run: now[run] for run in mine if common and run not in common},
             )
         )
+        reasons = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
+        if not common:
+            reasons = [
+                f"{mine[0]}: {option} is {value}, in the baseline {before}"
+                for option, value, before in unlike(
+                    now[mine[0]].parameters, old[theirs[0]]["parameters"]
+                )
+            ]
+            for run in scenes[-1].foreign():
+                reasons += [f"{run}: {text}" for text in differences(old[theirs[0]], now[run])]
+        faults += reasons[:1]
     if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
         faults.append("the seeds differ from the baseline, and each scene has only one run")
     orders = {one.order for scene in scenes for one in scene.now}
     if len(orders) > 1:
         faults.append("the orders p of its runs differ: they have no common sum")
     return Group(name=name, scenes=tuple(scenes), faults=tuple(faults))
-
-
-def _foreign(old: Sequence[Json], now: Sequence[Mapping[str, Any]]) -> Iterator[int]:
-    """Yield the indices of new runs that are judged on steps or a truth that no run in `old` has.
-
-    The runs have other seeds than those in `old`. If no two seeds have the same truth, only steps
-    that are the same in the whole baseline matter.
-    """
-    known = {name: {one[name] for one in old} for name in ("steps_sha256", "truth_sha256")}
-    shared = any(len({one["truth_sha256"] for one in side}) < len(side) for side in (old, now))
-    if not shared:
-        known = {name: own for name, own in known.items() if "steps" in name and len(own) == 1}
-    for k, one in enumerate(now):
-        if any(one[name] not in own for name, own in known.items()):
-            yield k
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -315,8 +315,8 @@ def _judge_all(
                 note = "new, not judged: not in the target yet; limits of "
                 note += f"{option('limits')} only warn"
                 outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, note))
-            else:
-                results[pair.name] = now
+            in_group = pair.in_scene or not pair.is_new
+            results |= {pair.name: replace(now, is_new=pair.is_new)} if in_group else {}
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
     if len(wrong) == len(pairs) > 1 and len({*map(str, wrong)}) == 1:
