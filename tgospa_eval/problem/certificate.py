@@ -1,22 +1,24 @@
 """Proof: bounds of the optimum from the proposal of a solver, and the split of the cost.
 
-The letters of the mathematics are those of docs/theory/notation.md. Sizes of arrays, such as (S,),
-are explained in `problem.states`.
+A solver proposes an assignment and prices of the column slots. This module first makes the
+assignment *feasible*: all sums of weights that must be at most 1 are. Its cost is the upper bound.
+For this check to be exact, weights are integer multiples of 1/ONE. The lower bound comes from the
+prices (docs/theory/certificate.md). Both bounds are rounded outward (same page, "Rounding"), and
+the compiled kernels and NumPy give the same results. This module imports no solver: the proof must
+not depend on the code that made the proposal.
 
-This module imports no solver: the proof must not depend on the code that made the proposal.
-Weights are first rounded to integer multiples of 1/ONE, so that the check of feasibility is exact.
-Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
-The compiled kernels and NumPy give the same results.
+`problem.states` defines state, slot and block, and the letters of array sizes. The letters of
+formulas are those of docs/theory/notation.md. A *row of the truth* is one state of a true object.
 
-A solver can solve a block (a connected part of the problem) at a smaller cutoff. Let V(C) be the
-optimum of the block at C = c^p, where a missed target costs A C and a false target B C, with
-A + B = 1. At step k the block has m_k true objects and n_k estimates, and at most nu_k of its near
-pairs at this step can be assigned together. Then
+A solver can also solve a block at a smaller cutoff. Let V(C) be the optimum of the block at C =
+c^p. A missed target costs A C and a false target B C, with A + B = 1. Let step k have m_k true
+objects and n_k estimates of the block, and let at most nu_k of its near pairs be assigned together.
+Then
 
     V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   0 < s < 1.
 
-The proof splits the cost min(d^p, C) of each pair into min(d^p, s C) and the rest
-(docs/theory/certificate.md, "Cutoffs far above the errors").
+The proof splits the cost min(d^p, C) of each pair into min(d^p, s C) and the rest (same page,
+"Cutoffs far above the errors").
 """
 
 import math
@@ -64,7 +66,7 @@ class UnassignedPrices:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
     def prices(self, block: int) -> list[float]:
-        """List the prices of all rows in a block: first of the truth, then of the estimate."""
+        """List the prices of all rows of the truth in a block, then of the estimate."""
         prices: list[float] = []
         for (of_row, price), order in zip(self.sides, self.order, strict=True):
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
@@ -75,14 +77,14 @@ class UnassignedPrices:
         """Return ``A (m - g) + B (n - g)`` for each block, as a list of terms, rounded down.
 
         A block has m rows of the truth with the price A, and n rows of the estimate with the price
-        B. If g pairs are assigned, the formula is the price of all other rows. All blocks must have
-        the same A and B (the attribute `alike` is not None). If A = B, the list of a block has one
-        term. If not, it has a term for the truth and a term for the estimate.
+        B. If g pairs are assigned, this is the price of all other rows. All blocks must have the
+        same A and B (the attribute `alike` is not None). If A = B, the list of a block has one
+        term. If not, it has two: for the truth and for the estimate.
 
         Parameters
         ----------
         blocks : slice
-            Blocks to add up.
+            The blocks.
         pairs : float array
             Number g of pairs of each of these blocks.
         """
@@ -95,7 +97,7 @@ class UnassignedPrices:
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
-    """Return the cost of the true objects, and of the estimates, that are in no block.
+    """Return the cost of the true objects, and that of the estimates, that are in no block.
 
     Both costs are rounded down.
     """
@@ -111,12 +113,12 @@ ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
-"""Divisor that splits an integer price into quotient and remainder. The two are summed separately,
-because sums of undivided prices could overflow."""
+"""Divisor that splits an integer price into quotient and remainder. Each is summed separately,
+because sums of whole prices could overflow."""
 
 TERMS_TOGETHER = 64
-"""Number of terms of a cost in one group. Within a group, terms are added with rounding. The sums
-of the groups are then added exactly."""
+"""Number of terms of a cost in one group. Terms of a group are added with rounding. The sums of the
+groups are then added exactly."""
 
 LARGEST_PRICE = 1e100
 """Largest price that a proof uses; larger prices count as 0."""
@@ -127,9 +129,9 @@ def certify(
 ) -> tuple[Bounds, Ints, Breakdown]:
     """Prove ``sum A + sum B - Z(v) <= optimum <= cost of W`` from proposed weights W and prices v.
 
-    A and B are the prices of unassigned objects and estimates. For any v >= 0, Z(v) is the sum of
-    all prices v, plus the value of the best path of each row with the gains G - v. Both bounds are
-    summed in forms in which no digits cancel (docs/theory/certificate.md).
+    A and B are the prices of unassigned objects and estimates. Z(v) is the sum of all prices v >=
+    0, plus the value of the best path of each row with the gains G - v. Both bounds are summed in
+    forms in which no digits cancel (docs/theory/certificate.md).
 
     Parameters
     ----------
@@ -201,10 +203,10 @@ def feasible(states: States, proposed: Floats) -> Ints:
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """Return ``(L - s) / (1 + delta)``, a lower bound for exact costs.
+    """Return ``(L - s) / (1 + delta)``, a lower bound of exact costs.
 
-    L, the argument `bound`, is a lower bound for the computed costs. Two errors make computed costs
-    differ from exact ones (docs/theory/certificate.md, "Rounding"):
+    L, the argument `bound`, is a lower bound of the computed costs. Two errors make these differ
+    from exact ones (docs/theory/certificate.md, "Rounding"):
 
     - All costs and switch prices have a relative error of at most delta = `cost_error`. The total
       is a sum of these with weights >= 0, so its relative error is not larger.
@@ -215,12 +217,12 @@ def lower_cost(problem: Problem, bound: float) -> float:
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound for exact costs.
+    """Return ``U (1 + 72 u) / (1 - delta)``, an upper bound of exact costs.
 
     U is the total of the breakdown, and u is `ROUNDOFF`. The factor 1 + 72 u covers rounding: 3 u
     for each term of U, 63 u for adding `TERMS_TOGETHER` = 64 terms, and 6 u for the operations in
-    this function. The divisor covers the relative error of the costs, which is at most
-    delta = `cost_error` (see `lower_cost`).
+    this function. The divisor covers the relative error of the costs, which is at most delta =
+    `cost_error` (`lower_cost`).
     """
     return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
@@ -256,14 +258,17 @@ def fair_prices(prices: Floats) -> Floats:
 def _bounds_of_prices(
     states: States, prices: Floats, objects: UnassignedPrices, low: int
 ) -> Floats:
-    """Return lower bounds of blocks from prices v >= 0, as in docs/theory/certificate.md.
+    """Return lower bounds of blocks from prices v >= 0.
+
+    For each row and step, the *best pair* has the largest gain minus price, if that is positive.
+    sum_best is a sum over the best pairs of all rows and steps. Let best_i be the value of the best
+    path of row i, if the gain minus price of the best pair is subtracted at each step
+    (`relative_gains`). Then the bound is
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
 
-    The best pair of a row at a step is the one with the largest gain minus price. "sum_best" is the
-    sum over the best pairs of all rows and steps. best_i is the value of the best path of row i, if
-    the states have the values `relative_gains`. No digits cancel: each parenthesis is an exact sum,
-    or a difference of integers.
+    No digits cancel: each parenthesis is an exact sum, or a difference of integers
+    (docs/theory/certificate.md).
 
     `states` has consecutive blocks of the whole problem, from block `low` on. `objects` has the
     prices of the whole problem.
@@ -307,14 +312,14 @@ def row_terms(
 ) -> tuple[Floats, Floats, Floats, Ints]:
     """Return the terms that some rows contribute to a lower bound, for each node.
 
-    The best pair of each row and step is *put aside*: its cost and price are counted separately.
-    For each of these pairs, `left` decreases by 1 at the column slot of the pair. `running` has the
-    running sums of the prices, from `Slots.running`.
+    The best pair of each row and step (`_bounds_of_prices`) is *put aside*: its cost and price are
+    counted separately. For each of these pairs, `left` decreases by 1 at the column slot of the
+    pair. `running` has the running sums of the prices, from `Slots.running`.
 
     Returns
     -------
     best : (nodes,) float array
-        Upper bounds of the values of the best paths, relative to the pairs that are put aside.
+        Upper bounds of the values of the best paths, without what is put aside.
     aside : (nodes,) float array
         Lower bounds of the cost of the pairs that are put aside.
     pairs : (nodes,) float array
@@ -380,8 +385,8 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     """Return lower bounds of the blocks, (B,), from bounds at a smaller cutoff.
 
-    They follow from the inequality in the docstring of the module, with the bounds `inner` in place
-    of V(s C). The result is 0 for blocks that are not in `part`.
+    They follow from the inequality in the docstring of this module: the bounds `inner` take the
+    place of V(s C). The result is 0 for blocks that are not in `part`.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -453,8 +458,8 @@ def _breakdown(costs: Iterable[Floats], price: Floats, terms: list[float]) -> Br
     """Return the breakdown of a part.
 
     `costs` has six arrays by step: localisation, missed and false cost, missed and false count, and
-    total variation of the weights. `price` is the price of half a switch into each step. The sum of
-    `terms` is the total cost.
+    the sum of all changes of weights. `price` is the price of half a switch into each step. The sum
+    of `terms` is the total cost.
     """
     localisation, missed, false, missed_count, false_count, variation = costs
     return Breakdown(
@@ -490,16 +495,16 @@ def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float
 
 
 LARGEST_SWITCH_PRICE = 1e100
-"""Largest switch price at a smaller cutoff. Higher prices are replaced by it. This does not change
-the optimum."""
+"""Largest switch price at a smaller cutoff, which replaces higher prices. This does not change the
+optimum."""
 
 
 def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
     """Return some blocks as a separate problem at a smaller cutoff.
 
-    Its costs are in units of ``scale c^p``, where `scale` < 1 is a power of 2. Rows and tracks keep
-    their indices. All true objects must have the same price A, and all estimates the same price B
-    (`Problem.object_prices`).
+    Its costs are in units of ``scale c^p``, where `scale` < 1 is a power of 2. Rows and
+    trajectories keep their indices. All true objects must have the same price A, and all estimates
+    the same price B (`Problem.object_prices`).
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -527,10 +532,10 @@ def _entries(states: States, blocks: Mask) -> Ints:
 def forced_cost(states: States, blocks: Mask) -> Floats:
     """Return ``sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` for each block in the mask, (B,).
 
-    The docstring of the module explains the letters. The result is in units of c^p. It is 0 for
-    blocks outside the mask. nu_k is the number of rows in a smallest vertex cover of the near pairs
-    of step k (König's theorem). With a larger cover, the result would be smaller: still a valid
-    lower bound.
+    The docstring of this module explains the letters. The result is in units of c^p, and 0 for
+    blocks outside the mask. nu_k is the size of the vertex cover of the near pairs of step k: a
+    smallest one has as many rows as a largest matching has pairs (König's theorem). With a larger
+    cover, the result would be smaller, and still a valid lower bound.
     """
     problem = states.problem
     count = len(states.block_begin)
@@ -556,10 +561,10 @@ def forced_cost(states: States, blocks: Mask) -> Floats:
 def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
     """Return a smallest vertex cover of the near pairs of some blocks.
 
-    A vertex cover is a set of truth rows and estimate rows that has at least one of the two rows of
-    each near pair. The result is a mask of truth rows and a mask of estimate rows, computed from a
-    largest matching. If a check shows that some near pair is not covered, all rows are returned
-    instead.
+    A vertex cover is a set of rows of the truth and of the estimate that has at least one of the
+    two rows of each near pair. The result is a mask of the truth and a mask of the estimate. It
+    comes from a largest *matching*: a set of near pairs without a common row. If a check shows that
+    a near pair is not covered, all rows are returned instead.
     """
     problem = states.problem
     entry = _entries(states, blocks)

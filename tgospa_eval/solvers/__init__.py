@@ -1,11 +1,32 @@
 """Solvers of a problem; each has a file and a line in `SOLVERS`, and returns a `Solution`.
 
-All files here use the letters of docs/theory/notation.md, the words of `problem.states` (state,
-run, slot, block), and those of docs/theory/solvers.md (sweep, stage, temperature, working set,
-slack of a state, programme, reach). A *node* is a row or a column. A slot is *full* if the weights
-of its states sum to 1. Its *room* is 1 minus this sum. A block is *open* until it is solved. An
-*entry* is a near pair at a step. Shapes are (S,) for states, (K,) for column slots, (B,) for
-blocks, (N,) for entries and (T,) for steps.
+A solver chooses weights between 0 and 1 for the states of a problem, so that the total cost is
+small. It also chooses prices >= 0 for the columns. The price of a column slot is what a row must
+pay to use the slot. Any prices prove a lower bound of the cost (docs/theory/certificate.md).
+
+`problem.states` defines state, run, slot, block and the letters of array sizes. In addition, (N,)
+is the size of an array with an element for each entry. docs/theory/notation.md has the other
+letters. The following words are used in all files of this folder.
+
+A *node* is a row or a column. An *entry* is a near pair at a step. The *place* of a row at a step
+is a column or "none". A *path* of a row has one place at each step. Its *value* is the sum of its
+gains, minus the prices of the slots on its way, minus its switch prices. The *load* of a slot is
+the sum of the weights of its states. Weights are *feasible* if no load is above 1. A slot is *full*
+if its load is 1. Its *room* is 1 minus its load. The *best* weights and prices are those with the
+best bounds so far. A block is *open* until it is solved. *Trivial* blocks are solved by
+`solvers.trivial`.
+
+The *slack of a state* is the value of the best path of its row, minus the value of the best path
+through the state. States with a small slack may be part of the optimum. A *programme* is a linear
+programme that chooses the weights of some states. These are states with a slack up to its *reach*,
+and states that have a weight.
+
+A *sweep* is one pass over all steps forward and one backward (two *half sweeps*), which improves
+prices. It works with *masses*: each row is divided among its paths, and better paths get larger
+shares. The mass of a state is the share of the paths through it. At a high *temperature* many paths
+get similar shares, at a low temperature the best path gets nearly everything. A *stage* is a
+sequence of sweeps at one temperature. Its *working set* has the states that its sweeps use.
+docs/theory/solvers.md has the formulas.
 """
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -90,7 +111,7 @@ def solver_class(name: str) -> type[Solver]:
 
 
 def as_solver(solver: str | Solver) -> Solver:
-    """Return a solver as it is, or the solver with this name and default settings."""
+    """Return a solver as it is; for a name, return the solver with default settings."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not isinstance(solver, Solver):

@@ -1,15 +1,18 @@
 """Solution of blocks in batches, in several threads; the result does not depend on the threads.
 
-Windows in time divide a long component into pieces that overlap, and their answers are joined.
+A *batch* is a sequence of blocks that one thread solves together. A block with very many states and
+steps is first solved in *windows in time*, which overlap. A window has a *core*, and some steps on
+either side. A *seam* is where two cores meet.
 
     core |---------|---------|---------|
-         |------------|                  a window: its core, and some steps on either side
-              |---------------|
+         |------------|                  a window
+              |---------------|          the next window
 
-The weights and prices of the core of each window are kept. A *seam* is where two cores meet. The
-joined answer bounds the optimum, because any prices >= 0 and any feasible weights do
-(docs/theory/windows-in-time.md). The bounds of the whole component show how much the seams widen
-the bracket.
+The answer of a window is its weights and prices. Those of the core are kept, and the cores are
+joined to an answer of the block. Any prices >= 0 and any feasible weights bound the optimum, so the
+joined answer does, too (docs/theory/windows-in-time.md). Both bounds of the whole block show how
+far the seams move them apart. From the joined answer, the block is then solved as a whole. Other
+words and letters: `solvers`.
 """
 
 import itertools
@@ -41,29 +44,30 @@ from tgospa_eval.solvers.tuning import TIME_WINDOWS
 from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
-"""A slot is too full if its weights sum to more than 1 + FULLER."""
+"""Excess of a load over 1 above which a slot is too full."""
 
 SOME_ROOM = 1e-9
 """Smallest room in a slot that is worth filling."""
 
 BEFORE_SEAMS = 0.9
-"""Share of the solving time of a block that its windows may use. In the displayed progress of the
-block, the windows have the same share."""
+"""Share of the solving time of a block that its windows may use. It is also their share in the
+displayed progress of the block."""
 
 UNKNOWN = -1.0
-"""Number in place of the weight of a state for which no window has an answer."""
+"""Mark in place of the weight of a state for which no window has an answer."""
 
 
 TimeWindow = tuple[int, int, int, int]
-"""Four steps: first step of the core, step after the end of the core, first step of the window, and
-step after the end of the window."""
+"""First step of the core, step after the end of the core, first step of the window, and step after
+the end of the window."""
 
 
 def divisible_blocks(states: States) -> Ints:
-    """Return the blocks to solve in windows: very large and long blocks with competing rows.
+    """Return the blocks to solve in windows: very large and long blocks in which rows compete.
 
-    No block is divided in any of these cases: switch prices vary (a run is then several states), a
-    switch is free, switch prices are large (windows would be too short), or gains can be negative.
+    There are none in four cases: switch prices vary (a run is then several states); switches are
+    free; half a switch costs very much (the overlaps would have to be long); or gains can be
+    negative.
     """
     problem = states.problem
     price = problem.switch_price
@@ -80,7 +84,7 @@ def divisible_blocks(states: States) -> Ints:
 
 
 class Division:
-    """Windows of a block, and their answers so far, which can come from several threads.
+    """Windows of one block, and their answers so far; answers can come from several threads.
 
     Parameters
     ----------
@@ -90,7 +94,7 @@ class Division:
     Attributes
     ----------
     windows : list of TimeWindow
-        Windows of whole steps, with about equal numbers of gains.
+        Windows with about equal numbers of gains.
     weights, prices : (S,), (K,) float arrays
         Joined answers so far.
     done : int
@@ -153,7 +157,7 @@ class Division:
         return merge_runs(piece, transpose=False)
 
     def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
-        """Keep the weights of states inside the core of a window, and the prices of its slots.
+        """Keep the weights of states that lie in the core of a window, and prices of its slots.
 
         The kept prices are those of slots that begin in the core.
         """
@@ -173,7 +177,7 @@ class Division:
     def _homes(self, first: int, piece: States) -> Ints:
         """Return the index in the block of each state of a window.
 
-        If the window contains only a part of a run, the result is the index of the whole run.
+        If the window contains only a part of a run, this is the index of the whole run.
         """
         start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
@@ -189,9 +193,9 @@ class Division:
         return home
 
     def join(self) -> Floats:
-        """Return joined feasible weights of all states, also of runs that no window contains whole.
+        """Return feasible weights of all states, also of runs that no window contains whole.
 
-        A run between two states with a gain gets the smaller weight of the two. This causes no
+        A run between two states with a gain gets the smaller of their weights. This causes no
         additional cost, and needs the least room. A run at an end of the block gets the weight of
         the state next to it.
         """
@@ -214,9 +218,10 @@ class Division:
 
 
 class TimeShares:
-    """Equal shares of the time for windows; time that a window does not use is for later windows.
+    """Time limits of windows: each has an equal share of the time that is left.
 
-    So if the time limit is short, each window is solved in part.
+    Time that a window does not use is left for later windows. So if the time is short, all windows
+    are solved in part.
 
     Parameters
     ----------
@@ -253,7 +258,7 @@ def _too_full(slots: Slots, weights: Floats) -> Mask:
 
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
-    """Lower the weights of `runs` in place until they fit; short runs get the free room first."""
+    """Lower the weights of `runs` in place until they fit; short runs get the room first."""
     wanted = weights[runs]
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
@@ -281,12 +286,12 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
 
 
 BATCH_STATES = 20_000
-"""Number of states of a batch of small blocks: enough to hide the cost of a call."""
+"""Fewest states of a batch, except the last, so that calls take little of the time."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockBatch:
-    """Some neighbouring blocks, with masks of the blocks to solve, and with the limit.
+    """Some neighbouring blocks, what to do with each, and the limit.
 
     Parameters
     ----------
@@ -297,11 +302,11 @@ class BlockBatch:
     quickly : (B,) bool array
         Other blocks, which stay open unless solving them takes hardly any time.
     weights, prices : (S,), (K,) float arrays
-        Arrays for the answer, as in `Solution`; zeros in the wanted blocks at first.
+        Arrays for the answer (`Solution` explains them); zeros in the wanted blocks at first.
     limit : Limit
         Time limit and request to stop.
     progress : BatchProgress
-        Receives the bounds during the work.
+        Receiver of the bounds during the work.
     warm_start : WarmStart, optional
         Proposals that may already solve some blocks.
     """
@@ -318,7 +323,7 @@ class BlockBatch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """Answer of a batch.
+    """Answer of a batch or of a window; the weights and prices are in the arrays of the batch.
 
     Parameters
     ----------
@@ -328,14 +333,16 @@ class Answer:
         Reason for the end of the work, and details of the reason, for the user.
     open : int array
         Blocks that were not solved.
-    work, sweeping : int, float
-        Number of states, including "none", summed over all half sweeps; and the seconds of sweeps.
+    work : int
+        Number of states, including "none", summed over all half sweeps.
+    sweeping : float
+        Seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     history : tuple of dict
-        Convergence: a dict for each check of the bounds, with ``sweep``, ``epsilon``,
-        ``violation``, ``lower`` and ``upper``. The last two are bounds of the cost of the blocks,
-        minus the cost of leaving all objects unassigned.
+        A dict for each check of the bounds, with ``sweep``, ``epsilon``, ``violation``, ``lower``
+        and ``upper``. The last two are bounds of the cost of the blocks, minus the cost of leaving
+        all objects unassigned.
     left : int array
         Blocks that were not trivial.
     """
@@ -352,7 +359,7 @@ class Answer:
 
 
 Trivial = Callable[[States, Floats, Floats], Ints]
-"""Callable that writes weights and prices of trivial blocks, and returns the other blocks."""
+"""Function that writes weights and prices of trivial blocks, and returns the other blocks."""
 
 
 @dataclass(frozen=True)
@@ -370,8 +377,8 @@ class Routine:
     tries : bool
         True if `solve` also tries the blocks in `BlockBatch.quickly`.
     resumes : bool
-        True if `solve` can use a warm start. In this case long blocks are first solved in windows
-        of time.
+        True if `solve` can use a warm start. Only then are long blocks first solved in windows in
+        time.
     """
 
     trivial: Trivial
@@ -399,11 +406,10 @@ class BatchSolver(Solver):
         states : States
             The reduced problem.
         stopwatch : Stopwatch
-            Receives the time by kind of work. With several threads, the elapsed time is divided in
-            proportion to the sums of the times in all threads.
+            Receiver of the time by kind of work. With several threads, the elapsed time is divided
+            among the kinds of work like the sum of the times of all threads.
         warm_start : WarmStart, optional
-            Proposals that may already solve some blocks. It is ignored if `Routine.resumes` is
-            False.
+            Proposals that may already solve some blocks; ignored if `Routine.resumes` is False.
         """
         routine, progress = self.routine, stopwatch.progress
         limit = Limit.of(self.time_limit, progress)
@@ -433,7 +439,7 @@ def _solve_some(
 ) -> Solution:
     """Solve blocks batch by batch; `masks` are `wanted` and `quickly` of a `BlockBatch`.
 
-    Each long block is a separate batch, which begins from the answers of its windows.
+    A block that is solved in windows is a batch by itself, which begins from their joined answer.
     """
     wanted, quickly = masks
     weights = np.zeros(len(states.begin))
@@ -525,7 +531,7 @@ def _solve_some(
 
 
 def _separated(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
-    """Return the ranges of blocks, divided so that each long block is a separate range."""
+    """Return the ranges of blocks, divided so that each block in `long` is a range by itself."""
     if not len(long):
         return cuts
     edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
@@ -580,7 +586,7 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
-    """Record the work in the stopwatch, and the elapsed time, divided among the kinds of work."""
+    """Record the work in the stopwatch, and the elapsed time divided among the kinds of work."""
     seconds: dict[str, float] = {}
     for answer in answers:
         for name, spent in answer.seconds.items():

@@ -1,7 +1,9 @@
-"""Costs of assignments block by block, and a cap for switch prices.
+"""Costs of assignments and displayed bounds, block by block; and a limit for switch prices.
 
-A block is a part of the problem that can be solved by itself: a connected component of near pairs
-in its own window of time. The module `problem.states` defines it, and the letters of array sizes.
+A *block* is a part of the problem that can be solved by itself (`problem.states`). This module has
+the cost of a proposed assignment in each block, and a limit above which larger switch prices do not
+change the optimum. The second half has the bounds that are displayed while solvers work. Other
+words and letters: `solvers`.
 """
 
 from functools import cached_property
@@ -14,16 +16,18 @@ from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import ONE, States, assigned, changes, repair, spare
 
 SETTLED_FROM = 1000.0
-"""Switch price below which the rounding error of a weight costs less than 1e-9."""
+"""Switch price below which the rounding error of a weight costs less than 1e-9, so that `settle`
+does nothing."""
 
 
 def price_cap(states: States) -> Floats:
     """Return a cap for the switch prices of each block, (B,).
 
-    With the number L of steps and the largest gain g of the block, no switch saves cost at prices
-    from (L - 1) g on. So all these prices have the same optimum (docs/theory/reductions.md, "Switch
-    price cap"). The cap is 2 L g, which is safely larger. Solvers use it in place of larger prices:
-    huge prices would cause errors, because LP tolerances are absolute.
+    Let L be the number of steps of the block, and g its largest gain. From the price (L - 1) g on,
+    no switch saves cost. So the optimum is the same for all larger prices
+    (docs/theory/reductions.md, "Switch price cap"). The cap 2 L g is above this price. Solvers
+    replace larger prices by it, because the tolerances of HiGHS and others are absolute, and huge
+    prices would cause errors.
     """
     largest: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * largest
@@ -33,9 +37,9 @@ def settle(states: States, blocks: Mask, weights: Floats) -> None:
     """Average the weights of each pair over time, in blocks with all switch prices above the cap.
 
     In these blocks an optimum has no switches. But a solver may return weights that change by, for
-    example, 1e-12 from one step to the next. A huge switch price makes such a change expensive. The
-    averages over time are a feasible assignment, too: the weights of each object and of each track
-    add up to at most 1.
+    example, 1e-12 from one step to the next, which costs much if the switch price is huge. The
+    averages are feasible, too: at each step, the averages of an object or of a track sum to at most
+    1.
     """
     switch_price = states.problem.switch_price_at
     if switch_price.max() < SETTLED_FROM or not blocks.any():
@@ -52,7 +56,7 @@ def settle(states: States, blocks: Mask, weights: Floats) -> None:
 
 
 def unassigned_costs(states: States) -> Floats:
-    """Return the cost of each block with all its objects unassigned, (B,)."""
+    """Return the cost of each block with all its objects and tracks unassigned, (B,)."""
     blocks = len(states.block_begin)
     costs = zip(states.track_blocks, states.problem.unassigned_costs, strict=True)
     truths, estimates = (sum_by(of + 1, cost, blocks + 1)[1:] for of, cost in costs)
@@ -62,15 +66,15 @@ def unassigned_costs(states: States) -> Floats:
 def block_costs(states: States, weights: Floats) -> Floats:
     """Return the cost of a proposed assignment in each block, (B,).
 
-    The cost is ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|``, where W' are
-    the weights W at the next step (docs/theory/notation.md). The assignment is made feasible first.
-    Objects and tracks without a near pair are left out.
+    With the weights W of a step and W' of the next one, the cost is the sum over all steps of ``sum
+    W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` (docs/theory/notation.md). The
+    assignment is made feasible first. Objects and tracks without a near pair are left out.
     """
     return feasible_costs(states, repair(states, weights))
 
 
 def feasible_costs(states: States, whole: Ints) -> Floats:
-    """Return `block_costs` of a feasible assignment `whole` (S,): integers, where `ONE` is 1."""
+    """Return `block_costs` of a feasible assignment `whole` (S,), in units of 1/`ONE`."""
     problem, blocks = states.problem, len(states.block_begin)
     of_state = states.block
     used, entry, weight = assigned(states, whole)
@@ -86,28 +90,28 @@ def feasible_costs(states: States, whole: Ints) -> Floats:
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:
-    """Return the better of two proposed assignments in each block."""
+    """Return in each block the cheaper of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(states.states_of(wins), second, first)
 
 
 # -------------------------------------------------------------------------------------------------
-# Bounds that are displayed during the work. Blocks are solved in batches of neighbouring blocks.
-# Until a batch begins, its lower bound is 0, and its upper bound is the cost with nothing assigned.
+# Bounds that are displayed during the work. They are not those of the result, which
+# `problem.certificate.certify` computes.
 #
-# These bounds are not part of the result. `problem.certificate.certify` computes the bounds of the
-# result.
+# Blocks are solved in batches of neighbouring blocks. Until a batch begins, its lower bound is 0,
+# and its upper bound is the cost with nothing assigned.
 
 BlockBrackets = tuple[Mask, Floats, Floats, Floats]
-"""Mask of the blocks with bounds; then, for all blocks, the width between the bounds, the cost, and
-the cost with nothing assigned."""
+"""Mask of the blocks with bounds; then, for all blocks, the width between the bounds, the cost of
+the assignment, and the cost with nothing assigned."""
 
 FINEST = 1e-12
 """Smallest relative gap in the display of progress."""
 
 SUM_MARGIN = 1e-12
-"""Displayed bounds are widened by this share of the cost of leaving all unassigned. The share is
-larger than the rounding of sums in solvers."""
+"""Part of the cost of leaving all unassigned by which displayed bounds are widened. It is larger
+than the rounding of sums in solvers."""
 
 
 class BracketProgress:
@@ -130,7 +134,7 @@ class BracketProgress:
 
     @cached_property
     def unassigned(self) -> Floats:
-        """Cost of each batch with all its objects unassigned."""
+        """Cost of each batch with all its objects and tracks unassigned."""
         costs = unassigned_costs(self.states)
         return np.array([costs[slice(*span)].sum() for span in self.cuts])
 
@@ -160,7 +164,7 @@ class BracketProgress:
 
     @cached_property
     def _sizes(self) -> Floats:
-        """Share of the states in each batch."""
+        """Share of each batch in all states."""
         first = self.states.block_first[[0, *(high for _, high in self.cuts)]]
         sizes: Floats = np.diff(first) / max(len(self.states.begin), 1)
         return sizes
@@ -175,9 +179,10 @@ class BatchProgress:
         Progress of all batches.
     number : int
         Number of this batch.
-    states, weights, quickly : States, (S,) float array, (B,) bool array
-        As in `solvers.batches.BlockBatch`: its blocks, their weights, and a mask of the blocks that
-        are solved only if this takes hardly any time.
+    states, weights : States, (S,) float array
+        Blocks of the batch, and their weights.
+    quickly : (B,) bool array
+        Blocks that are solved only if this takes hardly any time.
     """
 
     def __init__(
@@ -202,10 +207,10 @@ class BatchProgress:
     ) -> None:
         """Report the share that is done, and bounds of some blocks.
 
-        `blocks` (B,) marks the blocks with new bounds. Other blocks are those of `quickly`, whose
-        lower bound is 0, and trivial ones, whose weights in the batch are the best. `width` (B,) is
-        the width between the bounds, `cost` (B,) the cost, and `unassigned` (B,) the cost if
-        nothing is assigned.
+        `blocks` (B,) marks the blocks with new bounds. `width` (B,) is the width between the
+        bounds, `cost` (B,) the cost of the assignment, and `unassigned` (B,) the cost if nothing is
+        assigned. The other blocks are those of `quickly`, whose lower bound is 0, and trivial ones,
+        whose weights are the best.
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
@@ -231,7 +236,7 @@ class BatchProgress:
 
 
 def _gains(states: States, weights: Floats) -> Floats:
-    """Return the gain of proposed weights in each block, (B,)."""
+    """Return the gain of proposed weights in each block, minus the switch costs, (B,)."""
     block, blocks = states.block, len(states.block_begin)
     arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
     paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
@@ -239,7 +244,7 @@ def _gains(states: States, weights: Floats) -> Floats:
 
 
 def share_of_digits(width: float, cost: float, gap: float) -> float:
-    """Return the progress of a width between bounds, from 0 to 1, on a logarithmic scale.
+    """Return how far a width between bounds has come, from 0 to 1, on a logarithmic scale.
 
     It is 0 if the width is as large as the cost, and 1 if it is at most `gap` times the cost.
     """

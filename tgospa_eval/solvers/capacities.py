@@ -1,4 +1,8 @@
-"""Capacities of slots as constraints of a linear programme on some chosen states."""
+"""Capacities of slots as constraints of a linear programme on some chosen states.
+
+The capacity of a slot is 1: the weights of its states sum to at most 1. If some weights are fixed,
+the chosen states share the rest, the *room*. Other words and letters: `solvers`.
+"""
 
 import numpy as np
 
@@ -13,19 +17,18 @@ SAME_ROOM = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CapacityRows:
-    """Capacity constraints on some states: the weights in each constraint sum to at most its room.
+    """Constraints of some states: the weights in each constraint sum to at most its room.
 
     Parameters
     ----------
     constraint, state : (nnz,) int arrays
-        Nonzeros of the matrix of constraints: the constraint of each, and the index of its state
-        among the chosen states.
+        Which state is in which constraint. A state is named by its index among the chosen states.
     room : (L,) float array
-        Room in each constraint: 1 minus the sum of the weights of fixed states in it.
+        Room in each constraint: 1 minus the sum of the fixed weights in it.
     price : (L,) float array
         Sum of the prices of the slots of each constraint.
-    slot, of_slot : (k,), (k,) int arrays
-        The k slots that have a constraint, and the constraint of each.
+    slot, of_slot : (n,), (n,) int arrays
+        The n slots that have a constraint, and the constraint of each.
     """
 
     constraint: Ints
@@ -36,9 +39,9 @@ class CapacityRows:
     of_slot: Ints
 
     def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Return new prices of the slots (k,) from new prices (L,) of the constraints.
+        """Return new prices of the n slots from new prices (L,) of the constraints.
 
-        `prices` (k,) are the previous prices of the slots. If the price of a constraint is higher
+        `prices` (n,) are the previous prices of the slots. If the price of a constraint is higher
         than before, the difference is added to the price of its first slot. If it is lower, the
         prices of all its slots are scaled.
         """

@@ -1,6 +1,8 @@
-"""The certified solver: prices by entropic ascent, then linear programmes for undecided states.
+"""The certified solver: sweeps first, then linear programmes for the states that stay undecided.
 
-All results are only proposals; `problem.certificate.certify` makes the bracket.
+The sweeps are in `solvers.dual_ascent`, and the programmes in `solvers.lp_rounds`. All results are
+only proposals. `problem.certificate.certify` proves the bounds that are reported. Words and
+letters: `solvers`.
 """
 
 import time
@@ -131,11 +133,11 @@ def _try_steps(ascent: Ascent) -> float:
 def _sweep(
     ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool, unit: float
 ) -> int:
-    """Run stages from hot to cold, with small programmes between the cold ones; count the sweeps.
+    """Run stages from high to low temperatures, with programmes between; return the sweeps.
 
     The `unit` of temperatures and reaches is a fraction of c^p. As a rule, the stages begin from
-    prices 0. In two cases they begin from the current prices: these are `near` the best prices, or
-    the `unit` is below 1, which means that the errors of the current prices are about one unit.
+    zero prices. They begin from the current prices in two cases: these are `near` the best prices,
+    or the `unit` is below 1, so that the errors of the current prices are about one unit.
     """
     if near or unit < 1:
         ascent.soft[:] = ascent.prices
@@ -173,7 +175,7 @@ def _sweep(
 
 
 def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
-    """Sweep at one temperature, with new working sets until prices settle; count the sweeps."""
+    """Repeat a stage with new working sets until prices settle; count the sweeps."""
     calm = ASCENT.calm if stage[0] > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):

@@ -1,13 +1,18 @@
-"""Dual ascent with the compiled kernels: stages of entropic sweeps, both bounds after each stage.
+"""Prices and assignments that improve in stages of sweeps, with both bounds after each stage.
 
-The width between the bounds is (docs/theory/certificate.md)
+Each stage (`solvers` explains sweeps) changes the prices of the columns, rounds the masses to an
+assignment, and computes both bounds. The upper bound of the gain, which the prices v prove, is
+called *dual*. The gain of the assignment W is called *primal*. The width between them is
+(docs/theory/certificate.md)
 
-    Z(v) - P(W) = sum_i (best_i - own_i) + sum_k v_k (1 - load_k).
+    Z(v) - P(W) = sum_i (best_i - own_i) + sum_r v_r (1 - load_r).
 
-At the prices v, best_i is the value of the best path of row i, and own_i is the value of the
-weights W in row i. load_k is the sum of the weights in column slot k. These bounds steer the
-solvers; `problem.certificate` computes the reported bounds again. Words and shapes:
-`tgospa_eval.solvers`.
+The first sum is over rows i. best_i is the value of the best path of row i at the prices v. own_i
+is the value of the weights W of row i. The difference is the *regret* of the row. The second sum is
+over column slots r. It is what prices of slots that are not full add to the width.
+
+These bounds only steer the solvers. `problem.certificate` computes the reported bounds again. The
+other words and the letters of array sizes are in `solvers`.
 """
 
 import time
@@ -26,26 +31,29 @@ from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, MIN_THRESHOLD = 8, 100_000, 1e-3
-"""Limits of the length of a chain (`kernels.Chain`): the working set of sweeps as links.
+"""Limits of the length of a chain. A *chain* (`kernels.Chain`) is the array on which sweeps work.
+For each row, and each step at which the options of the row change, it has a *link* for each state
+of the working set that the row can be in.
 
-A chain may have LINKS_EACH links for each state, or FEWEST_LINKS if that is more. If it would be
-longer, the threshold of the working set is halved. Below MIN_THRESHOLD, a chain may have any
-length."""
+A chain may have LINKS_EACH links for each state of the problem, or FEWEST_LINKS if that is more. If
+it would be longer, the threshold of the working set (`Ascent.stage`) is halved. Below
+MIN_THRESHOLD, a chain may have any length."""
 
 SWEPT_AT_ONCE = 100_000
-"""Number of links, multiplied by sweeps, between two looks at the clock: about a millisecond."""
+"""Number of links times sweeps between two looks at the clock: about a millisecond of work."""
 
 PRICE_ROUNDING = 8 * 2.0**-53
-"""Error of a sum of prices along a path, as a fraction of the sum of all prices. The kernels keep
-each sum in two doubles, and sum differences to the path that stays at "none". So this error does
-not grow with the length of a recording."""
+"""Rounding error of a sum of prices along a path, as a fraction of the sum of all prices. The
+kernels keep each sum in two doubles, and sum only what differs from the path that is always at
+"none". So this error does not grow with the length of a recording."""
 
 
 class Ascent:
     """Prices, assignments and both bounds of some blocks on the way to the optimum.
 
-    Gains and values are relative to the cheapest pair of each row and step, so that small costs
-    keep their digits. Outside this class, only costs and widths between bounds have a meaning.
+    From each gain, the gain of the cheapest pair of the same row and step is subtracted. So small
+    costs keep their digits. For this reason, gains and values have no meaning outside this class.
+    Costs and widths between bounds have one.
 
     Parameters
     ----------
@@ -56,7 +64,7 @@ class Ascent:
     gap : float
         Relative gap at which no further weights and prices are tried.
     weights, prices : (S,), (K,) float arrays
-        Arrays for the best assignment and the best prices; only the wanted blocks are changed. In
+        Arrays for the best assignment and the best prices. Only the wanted blocks are changed. In
         these blocks, weights must be zeros at first, and `prices` has the initial prices.
 
     Attributes
@@ -64,18 +72,20 @@ class Ascent:
     soft : (K,) float array
         Prices of the sweeps.
     masses : (S,) float array
-        For each state, the share of the paths of its row that go through it, at the end of the last
-        stage.
+        Mass of each state at the end of the last stage.
     dual, primal : (B,), (B,) float arrays
-        Upper bound of the gain of each block, which the prices prove, and gain of its assignment.
+        Both bounds of the gain of each block.
     unassigned_cost : (B,) float array
-        Cost of leaving all unassigned.
+        Cost of leaving all objects and tracks unassigned.
     flags : (S,) uint8 array
-        Bits that the last `mark` set for each state: NEAR, NEEDED, LOSES, BEST and TEMPTED, which
-        kernels/ascent.pxi explains.
-    work, sweeping : int, float
-        Number of states, including "none", summed over all half sweeps (passes through all steps,
-        forwards or backwards); and the seconds of sweeps.
+        Bits that the last `mark` set for each state: NEAR (the slack is at most the reach), NEEDED
+        (being at "none" when the state begins would cost the row more than the reach), LOSES (the
+        slack is more than rounding), BEST (the state is on the best path of its row) and TEMPTED
+        (there is hardly any slack).
+    work : int
+        Number of states, including "none", summed over all half sweeps.
+    sweeping : float
+        Seconds of sweeps.
     seconds : dict
         Seconds by kind of work.
     open : (B,) bool array
@@ -151,13 +161,13 @@ class Ascent:
 
     @property
     def undecidedness(self) -> float:
-        """Mean of 1 - m, weighted by m, where m are the `masses` of the last stage."""
+        """Mean of 1 - m over all states, weighted by m, the `masses` of the last stage."""
         total = float(self.masses.sum(dtype=np.float64))
         return 1.0 - float(np.square(self.masses).sum(dtype=np.float64)) / max(total, 1.0)
 
     @property
     def located_cost(self) -> float:
-        """Mean cost of the pairs that are assigned."""
+        """Mean cost of the pairs with a weight above 1/2; 1 if there are none."""
         entry = self.states.entry[self.weights > 0.5]
         costs = self.states.problem.cost[entry[entry >= 0]]
         return float(costs.mean()) if len(costs) else 1.0
@@ -168,11 +178,9 @@ class Ascent:
         return wide
 
     def mark(self, prices: Floats, reach: float) -> None:
-        """Set the `flags` of every state, and the values of all rows, at the prices.
+        """Set the `flags` of all states, and `best` and `own` of all rows, at the given prices.
 
-        NEAR states have a slack of at most `reach`. The slack of a state is the loss of value if
-        the path of its row must go through the state. A row has two values: that of its best path
-        at these prices, and that of the best weights so far.
+        NEAR states have a slack of at most `reach`.
         """
         self.brackets.mark(prices, reach)
 
@@ -181,11 +189,11 @@ class Ascent:
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
-        """Keep the prices in open blocks in which they prove more than the prices so far."""
+        """Keep the prices in the open blocks in which they lower `dual`."""
         self.brackets.try_prices(prices)
 
     def try_weights(self, weights: Floats) -> None:
-        """Keep the feasible weights in open blocks in which they gain more than those so far."""
+        """Keep the feasible weights in the open blocks in which they raise `primal`."""
         self.brackets.try_weights(weights)
 
     def try_steps(self) -> None:
@@ -205,10 +213,10 @@ class Ascent:
     ) -> tuple[int, float]:
         """Sweep at the temperature `epsilon`, and then try the new weights and prices.
 
-        The working set has the states with slack up to `threshold`, and the states with a weight.
-        The violation of a column slot is how far the sum of its masses and of its unused part is
-        from 1.
-        Sweeps end early if the largest violation is less than `calm`.
+        The working set has the states with a slack up to `threshold`, and the states with a weight.
+        After a sweep, the mass in a column slot and its unused part should sum to 1. The
+        *violation* of the slot is how far the sum is from 1. Sweeps end early if the largest
+        violation is less than `calm`.
 
         Returns
         -------
@@ -250,9 +258,10 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """If rounding is most of a gap, try the price 0 in slots for which no states compete.
+        """If a width is mostly rounding, try the price 0 in slots with at most one NEAR state.
 
-        In such slots a larger price proves no more, but sums of prices lose digits.
+        No states compete for such a slot, so a larger price would prove no more. But sums of large
+        prices lose digits.
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
@@ -260,7 +269,7 @@ class Ascent:
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
-        """Return the chain of the working set; if it is too long, that of a smaller working set."""
+        """Return the chain of the working set, or of a smaller one if it is too long."""
         max_links = max(LINKS_EACH * len(self.states.begin), FEWEST_LINKS)
         while True:
             self.brackets.choose(self.soft, threshold)
@@ -278,9 +287,9 @@ class Ascent:
     def near(self, also: Mask) -> Mask:
         """Return a mask of the states that a programme may have to decide, (S,); first call `mark`.
 
-        These are the NEAR states, the states with a weight, and those of the mask `also`. Decided
-        states are left out. A decided state has the weight 1 and is NEEDED, and no other near state
-        of its row is at its steps.
+        These are the NEAR states, the states with a weight, and those of the mask `also`, except
+        decided states. A state is *decided* if it has the weight 1, is NEEDED, and no other of
+        these states belongs to its row at its steps.
         """
         rows = self.states.rows
         near = self.has(kernels.NEAR)
@@ -294,7 +303,7 @@ class Ascent:
         return near
 
     def within(self, near: Mask, steps: Mask) -> Mask:
-        """Return a mask of the near states that exist at one or more of the marked steps (T,)."""
+        """Return a mask of the near states that exist at one or more of the `steps` (T,)."""
         count = np.concatenate(([0], np.cumsum(steps)))
         lasting = near.copy()
         lasting &= count[self.states.end + 1] > count[self.states.begin]
@@ -303,8 +312,9 @@ class Ascent:
     def losses(self, prices: Floats) -> Floats:
         """Divide the width between the bounds of the open blocks among the steps, (T,).
 
-        The width is that of the best weights and the given prices. The regret of a row is split
-        among steps: each part counts at the first step after which the row can no longer avoid it.
+        The width is that of the best weights and the given prices. The price of a slot that is not
+        full counts at the first step of the slot. The regret of a row is split: each part counts at
+        the first step after which the row cannot avoid it.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
@@ -317,9 +327,9 @@ class Ascent:
     def undecided(self, near: Mask) -> tuple[Ints, Ints]:
         """Return the states of undecided components, and the component of each state.
 
-        Near states are in one component if they share a slot or are joined by a transition. A
-        component is undecided if it has a seed. A seed is a state at which a term of the width (see
-        the docstring of this module) is not 0.
+        Here a *component* is a set of near states that are connected. Two states are connected if
+        they share a slot or follow each other in one pair. A *seed* is a state at which the width
+        between the bounds arises (`_seeds`). A component with a seed is *undecided*.
         """
         free = np.flatnonzero(near)
         component = self._components(free)
@@ -329,7 +339,12 @@ class Ascent:
         return free[wanted], component[wanted]
 
     def _seeds(self, free: Ints) -> Mask:
-        """Return a mask of the free states that are seeds: they keep the gap open."""
+        """Return a mask of the free states that are seeds.
+
+        A state is a seed if it covers a column slot that has a price but is not full. In a row with
+        regret it is also a seed in three cases: it has a weight and LOSES; its weight differs from
+        that of a neighbour in its pair; or it is BEST and its weight is below 1.
+        """
         s = self.states
         regret = np.zeros(s.nodes, bool)
         rows = self.layout.rows
@@ -348,7 +363,7 @@ class Ascent:
         return seed
 
     def _components(self, free: Ints) -> Ints:
-        """Return the index of the component of each free state."""
+        """Return the index of the component of each free state (`undecided`)."""
         s = self.states
         pair = s.pairs_of(free)
         size = len(free)

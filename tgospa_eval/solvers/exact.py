@@ -1,7 +1,10 @@
-"""The referee: the linear programme in CVXPY, solved by the interior point method Clarabel.
+"""The referee, which checks the other solvers: the linear programme by CVXPY and Clarabel.
 
-It shares only the reduced problem and the trivial blocks with the other solvers. It is slower, but
-has another formulation, another modelling tool and another algorithm. No other file imports cvxpy.
+CVXPY translates formulas to a linear programme, and Clarabel solves it by an interior point method
+(`solvers.restricted_lp` explains these words). The referee shares with the other solvers only the
+reduced problem and some of the trivial blocks. It is slower, but has another formulation, another
+modelling tool and another algorithm. No other file imports cvxpy. Other words and letters:
+`solvers`.
 """
 
 import sys
@@ -24,21 +27,21 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
-"""Estimated seconds of work that cannot be stopped. Importing cvxpy takes IMPORT. Compiling a
-programme of n states takes BUILD n. The first factorisation takes FACTOR n w^WIDTH_POWER, where w
-is the mean number of states that begin at a step. This was measured on crowds of 2,000 to 40,000
-states, and is true within a factor of three."""
+"""Numbers to estimate the seconds of work that cannot be stopped. Importing cvxpy takes IMPORT.
+Compiling a programme of n states takes BUILD n. The first iteration of Clarabel factors a matrix,
+which takes FACTOR n w^WIDTH_POWER, where w is the mean number of states that begin at a step. This
+was measured on crowds of 2,000 to 40,000 states, and is true within a factor of three."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
     "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bounds say how good it is
     "user_limit": Status.LATE,
 }
-"""Status by the name of the outcome in CVXPY."""
+"""Status by the outcome that CVXPY reports."""
 
 Programme = tuple[Any, Any, Any, CapacityRows]
-"""Problem, weights and column constraints, which are objects of CVXPY (without types), and the
-`CapacityRows` of the columns."""
+"""The problem, its weights and the constraints of the column slots, as objects of CVXPY (without
+types); and the `CapacityRows` of these constraints."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -139,7 +142,7 @@ def _solve_block(
 def _read(
     programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
-    """Return weights and prices of a block from Clarabel, or those `given` if it has none."""
+    """Return weights and prices of a block from Clarabel; where it has none, those `given`."""
     weights, prices = given
     _, variables, columns, priced = programme
     if variables.value is not None:
@@ -155,7 +158,7 @@ def _read(
 
 
 def _seconds(states: States) -> tuple[float, float]:
-    """Estimate the seconds of importing and compiling, and of a factorisation by Clarabel."""
+    """Estimate the seconds of importing and compiling, and of one iteration of Clarabel."""
     size = len(states.begin)
     width = size / max(len(np.unique(states.begin)), 1)
     begun = 0.0 if "cvxpy" in sys.modules else IMPORT

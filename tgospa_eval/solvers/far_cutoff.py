@@ -1,13 +1,12 @@
 """Solution of blocks at a smaller cutoff, if the cutoff is far above the errors.
 
-Solvers work to absolute tolerances in units of c^p, where c is the cutoff of the problem. They are
-too coarse for costs far below c^p. At a smaller cutoff that fits the costs, the tolerances are
-sufficient, and far fewer pairs are near. The *scale* of the smaller cutoff is its p-th power, as a
-fraction of c^p.
+Solvers work to absolute tolerances in units of c^p, where c is the cutoff of the problem. These are
+too coarse for costs far below c^p. A smaller cutoff that *fits* the costs makes them fine enough,
+and far fewer pairs are near. The *scale* of a smaller cutoff is its p-th power, as a fraction of
+c^p.
 
-Prices at the smaller cutoff also prove a bound for the whole problem. `problem.certificate`
-computes this bound: it evaluates the prices at the smaller cutoff, and the assignment at the
-cutoff c.
+Prices at the smaller cutoff also prove a bound of the whole problem. `problem.certificate` computes
+this bound. The assignment is evaluated at the cutoff c. Other words and letters: `solvers`.
 """
 
 from collections.abc import Callable

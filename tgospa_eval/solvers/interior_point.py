@@ -1,24 +1,31 @@
-"""Interior point methods for programmes whose optimum is fractional nearly everywhere.
+"""An interior point method for linear programmes whose best weights are mostly fractions.
 
     maximise  c w - paid r    with  A w - r + s = b,   w, r, s >= 0
 
-The variables w are weights, s are the slacks of the constraints, and some constraints have a *rise*
-r. Below, *numbers* are w, r and s. Each number has a dual. The dual of w or r is its reduced cost.
-The dual of s is the dual y of its constraint.
+The variables w are weights, and s are the slacks of the constraints. Some constraints have a rise r
+>= 0, by which they may be exceeded at a price. `solvers.restricted_lp` explains constraint, slack,
+dual, reduced cost and simplex method.
 
-A basis of such an optimum is degenerate thousands of times. The simplex method needs an iteration
-for each degenerate variable. An interior point method needs about twenty factorisations in all.
+Below, *numbers* are w, r and s. Each number has a dual >= 0: for w or r the reduced cost, for s the
+dual y of its constraint. At the optimum the product of each number and its dual is 0. The method
+starts with positive numbers and duals, and makes all products smaller together. Each iteration is a
+*Newton step*: it replaces the equations by linear ones, and solves these. For this, a large matrix
+is *factored* (made a product of triangular matrices), which takes most of the time.
+
+About twenty iterations are enough. The simplex method would need thousands, because in such
+programmes most of its iterations do not improve anything.
 
 There are many optimal duals y. Those nearest to the known duals are also best for the states
-outside the programme, so y is drawn to the known duals. This perturbs b by a thousandth of the
-distance. Near the end, y is drawn to its value in the iteration before instead (the proximal point
-method), which does not perturb the solution.
+outside the programme. So y is *drawn* to the known duals: distance from them costs something. How
+much is the *stiffness*. This changes b by a thousandth of the distance. Near the end, y is drawn to
+its value in the iteration before instead, which does not change the solution (the proximal point
+method).
 
 A *round* is one call of `solve_nearest`. In a first round `exact` is False, in a last round True.
 
 Sources: Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
-programming" (Computational Optimization and Applications 1996). The regularisation is that of
+programming" (Computational Optimization and Applications 1996). The pull on y is that of
 Friedlander and Orban, "A primal-dual regularized interior-point method for convex quadratic
 programs" (Mathematical Programming Computation 2012).
 """
@@ -34,35 +41,37 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 
 START, MIN_START = 10.0, 1e-4
-"""At the start, the product of each number and its dual is START times the mean product at the
-given point, and at least MIN_START. The mean product at the given point is 1e-4 in a first round
+"""Product of each number and its dual at the start. It is START times the mean product at the given
+point, and at least MIN_START. The mean product at the given point is about 1e-4 in a first round
 and 1e-6 in a last one. With 1e-5 as MIN_START, a round takes up to a third more iterations."""
 
 ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
-"""Limits of the mean product of a number and its dual, in c^p, and of the errors of constraints.
-A first round ends at ENOUGH. A last round ends at END, if all errors of constraints are at most
-LACK. Until the mean product is ENOUGH, y is drawn to the known duals. With 1e-7 as ENOUGH, less is
-proven, and a last round is longer."""
+"""Limits at which a round ends. A first round ends when the mean product of a number and its dual
+is at most ENOUGH, in c^p. A last round ends when it is at most END, and all errors of constraints
+are at most LACK. Until the mean product is ENOUGH, y is drawn to the known duals. With 1e-7 as
+ENOUGH, less is proven, and a last round is longer."""
 
 PULL = 1e-3
 """Stiffness with which y is drawn to other duals. With 1e-2, a first round proves less, and a last
 round may take twice the iterations. 1e-4 is as good as 1e-3."""
 
 MAX_ITERATIONS, MIN_STEP, SHORT = 50, 1e-4, 0.01
-"""The method gives up after MAX_ITERATIONS (10 to 25 iterations are usual), or if the steps of
-numbers and of duals are both shorter than MIN_STEP. If the mean product is at most END, a step
-shorter than SHORT means that only rounding is left."""
+"""Limits at which the method stops: after MAX_ITERATIONS (10 to 25 iterations are usual), or if the
+steps of numbers and of duals are both shorter than MIN_STEP. It then gives up, unless the mean
+product is at most ENOUGH. If the mean product is at most END, a step shorter than SHORT means that
+only rounding is left."""
 
 PRIMAL_SHIFT = 1e-9
-"""Number that is added to the diagonal D. Without it, systems would be singular at the end."""
+"""Number that is added to the diagonal D of the matrix (`_System`), which would be singular at the
+end without it."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
-"""Largest number of corrections of centrality after each factorisation. A correction is kept if the
-sum of both step lengths increases by at least BETTER_STEP. A factorisation takes as long as ten
-corrections."""
+"""Limits of the corrections of a step. After each factorisation, at most CORRECTIONS corrections
+bring the products nearer to each other. A correction is kept if the sum of both step lengths
+increases by at least BETTER_STEP. A factorisation takes as long as ten corrections."""
 
 NEAR_BOUND = 0.99
-"""Share that is taken of the longest step at which all numbers stay >= 0."""
+"""Part of the longest step at which all numbers stay >= 0 that is taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,9 +86,9 @@ class Inequalities:
         b.
     reward : (n,) float array
         c.
-    rises : (k,) int array
-        The constraints that have a rise.
-    paid : (k,) float array
+    rises : (R,) int array
+        Indices of the constraints that have a rise.
+    paid : (R,) float array
         Price of each rise. The dual of its constraint is at most this price.
     """
 
@@ -91,7 +100,7 @@ class Inequalities:
 
 
 class _System:
-    """Factors of ``[D A'; A -E]`` by QDLDL; D and E are diagonals that may change."""
+    """Linear equations with the matrix ``[D A'; A -E]``, solved by QDLDL; D and E are diagonals."""
 
     def __init__(self, matrix: sparse.csr_array) -> None:
         rows, columns = matrix.shape
@@ -118,7 +127,7 @@ class _System:
             self.factors.update(self.upper, upper=True)
 
     def solve(self, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Return the solution for a right-hand side; both have two parts, as the matrix."""
+        """Return both parts of the solution for both parts of a right-hand side."""
         parts = self.factors.solve(np.concatenate((first, second)))
         return parts[: len(first)], parts[len(first) :]
 
@@ -133,9 +142,10 @@ def solve_nearest(
 ) -> tuple[Floats, Floats] | None:
     """Return optimal w (n,), and optimal duals y (m,) that are nearly those nearest to the start.
 
-    The nearest optimal duals minimise ``sum stiff (y - start)^2``. `start` has the w and y to start
-    from. If `exact` is True, the solution is exact up to rounding. If not, the mean product is at
-    most `ENOUGH`. The result is None if the computation breaks down, or if `late` returns True.
+    `start` has the w and y to start from. The nearest optimal duals minimise ``sum stiff (y -
+    start)^2``. If `exact` is True, the method goes on until only rounding is left, if it can. In
+    any case the mean product is at most `ENOUGH`. The result is None if the computation breaks
+    down, or if `late` returns True.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -148,21 +158,27 @@ def solve_nearest(
 
 
 class _Newton:
-    """Newton's equations at a point, which has w, rises and slacks, and their duals z, own and y.
+    """The linear equations of a Newton step at a point.
 
     Parameters
     ----------
     system : _System
     p : Inequalities
-    x, d : (n + k + m,) float arrays
-        The point: numbers and their duals.
+    x, d : (n + R + m,) float arrays
+        The point: the numbers w, rises and slacks, and their duals z, own and y.
     centre, stiff : (m,) float arrays
-        Values to which y is drawn, and stiffness of this pull.
+        Values to which y is drawn, and stiffness.
 
     Attributes
     ----------
     mean : float
         Mean product of a number and its dual.
+    lack, excess, excess_rise : (m,), (n,), (R,) float arrays
+        Errors of the equations of constraints, of the duals of w, and of the duals of rises.
+    product : (n + R + m,) float array
+        Product of each number and its dual.
+    first, second : (n,), (m,) float arrays
+        The diagonals D and E of the system.
     """
 
     def __init__(
@@ -204,11 +220,14 @@ class _Newton:
         return dx, dd
 
     def steps(self, dx: Floats, dd: Floats) -> tuple[float, float]:
-        """Return the largest step lengths up to 1 at which numbers, and duals, stay >= 0."""
+        """Return which part, up to 1, of both steps keeps numbers, and duals, >= 0."""
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
-        """Return the corrected directions of numbers and duals, and the lengths of their steps."""
+        """Return the corrected steps of numbers and duals, and the largest part of each.
+
+        These are the parts that `steps` returns.
+        """
         self.system.factor(self.first, self.second)
         x, d = self.x, self.d
         dx, dd = self.direction(-self.product)
@@ -269,10 +288,10 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """Return positive numbers and duals with this product, and with the same differences as before.
+    """Return positive numbers and duals, all with this product.
 
-    Negative numbers and duals count as 0 in the differences. If some are far below 0, a larger
-    product is used.
+    The difference of each number and its dual stays, with negative ones counted as 0. If some are
+    far below 0, a larger product is used.
     """
     wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
     product = max(product, float(np.square(wrong).mean()))

@@ -1,13 +1,21 @@
-"""Linear programmes that decide the weights of states that are undecided after the sweeps.
+"""Rounds of linear programmes that choose the weights which sweeps leave undecided.
 
-Words and shapes are those of `tgospa_eval.solvers`; docs/theory/solvers.md, "Programmes", defines
-slack, reach and free states. Programmes run in rounds. As a rule, the reach grows from round to
-round. A programme changes the weights of its *free* states only. Components that do not contribute
-to the gap have no programme. A programme does not show whether its weights are optimal in the whole
-problem. The bounds show it, because they are computed on all states.
+Sweeps give prices and an assignment that are nearly the best. The best paths of most rows are then
+known. A programme (`solvers.restricted_lp`) chooses the weights of the remaining states together.
+These states are found in each round as follows:
 
-Without compiled kernels each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
-take longer, and prove less (docs/theory/solvers.md, "Without compiled kernels").
+- A state is *near* if it has a weight, or a slack up to the reach of the round. As a rule, the
+  reach grows from round to round.
+- Near states that share a slot, or follow each other in one pair, are in one *component*.
+- A component is *undecided* if the width between the bounds arises in it (`Ascent.undecided`). Only
+  the states of undecided components are *free*; all others keep their weights.
+
+A programme does not show that its weights are the best of the whole problem. The bounds show this,
+because they are computed on all states. In a *crowd* very many states stay undecided, and the best
+weights are mostly fractions. There an interior point method replaces the simplex method.
+
+Without compiled kernels, each block is one linear programme, solved by HiGHS. Sweeps in NumPy would
+take longer, and prove less. Other words and letters: `solvers`.
 """
 
 import time
@@ -38,14 +46,14 @@ def extract(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     Returns
     -------
     states : States
-        The part. It has all pairs that share a row or a column with a free state. Its steps are
-        those from the step before the first free state to the step after the last free state.
+        The part. It has all pairs that share a row or a column with a free state. Its steps begin
+        one step before the first free state, and end one step after the last.
     state : (S',) int array
-        Index of each state of the part in the whole problem.
+        Index in the whole problem of each state of the part.
     free : (F,) int array
         Indices of the free states in the part.
     slot : (K',) int array
-        Index of each column slot of the part in the whole problem. In a column without free states,
+        Index in the whole problem of each column slot of the part. In a column without free states,
         the slots of the part and these indices have no meaning.
     """
     pair = states.pairs_of(free)
@@ -110,7 +118,7 @@ def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
 def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
     """Return the last index with a step <= `until` in each range from `low` to `high` - 1.
 
-    Steps must rise in each range. The result is `low` - 1 if all steps of a range are later.
+    Steps must increase in each range. The result is `low` - 1 if all steps of a range are later.
     """
     low, high = low.astype(np.int64), high.astype(np.int64)
     while True:
@@ -125,8 +133,8 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
 
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
-"""Answer of a programme: indices of its free states and of its priced slots in the whole problem,
-and the proposal for them."""
+"""Answer of a programme: indices in the whole problem of its free states and of its column slots
+with a price, and the proposal for them."""
 
 
 class Programmes:
@@ -137,9 +145,11 @@ class Programmes:
     iterations, seconds : int, float
         Iterations of HiGHS, and time of all programmes so far.
     crowd : bool
-        True if the problem is a crowd: the simplex method would take too long.
+        True if the problem is a crowd, so that the simplex method would take too long.
     unit : float
         Unit of costs and reaches, in c^p: less than 1 if the gaps are small.
+    tempted : (S,) bool array
+        States that have had hardly any slack at the prices of some programme. They count as near.
     """
 
     def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
@@ -157,10 +167,10 @@ class Programmes:
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[float, ...], max_states: int | None = None) -> None:
-        """Solve programmes with one reach of `rounds` after the other, until gaps are closed.
+        """Run a round of programmes for each reach in `rounds`, until the gaps are closed.
 
         Components of more than `max_states` states are left out. If very many states are not
-        decided, programmes are solved in windows (see `_run_windows`).
+        decided, programmes are solved in windows (`_run_windows`).
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
@@ -190,8 +200,7 @@ class Programmes:
     def run_nearby(self, reach: float) -> None:
         """Solve programmes in windows, if a problem is large and few of its states are undecided.
 
-        In other problems nothing is done, because sweeps of all states are faster. `_run_windows`
-        explains windows.
+        In other problems nothing is done, because sweeps of all states are faster.
         """
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
@@ -202,10 +211,10 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def run_crowd(self) -> None:
-        """Run the interior point method in rounds, for problems with mostly fractional weights.
+        """Run the interior point method in rounds, for a crowd.
 
-        If the prices of a round show that further states may save cost, the next round includes
-        these states. After a round that hardly helped, the reach is doubled.
+        A round also includes states that may save cost at the prices of earlier rounds. After a
+        round that hardly helped, the reach is doubled.
         """
         ascent, begin, wider = self.ascent, time.perf_counter(), 1.0
         shares: Floats = ascent.masses.astype(np.float64)
@@ -222,7 +231,11 @@ class Programmes:
         self.seconds += time.perf_counter() - begin
 
     def close_reach(self) -> float:
-        """Return the reach of a programme if very many states are undecided."""
+        """Return a reach at which few states are near, for a crowd.
+
+        It is `CROWDS.reach`, halved down to `CROWDS.min_reach` while row slots have more than
+        `CROWDS.each` near states on average.
+        """
         reach, loads = CROWDS.reach, self.ascent.states.rows.loads
         while reach > CROWDS.min_reach and loads(self._near(reach)).mean() > CROWDS.each:
             reach *= 0.5
@@ -232,8 +245,10 @@ class Programmes:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
 
     def _run_windows(self, near: Mask, reach: float, max_states: int | None, room: int) -> None:
-        """Solve programmes in growing windows around the steps that keep gaps open.
+        """Solve programmes in windows around the steps that keep gaps open; the windows grow.
 
+        A window has a step at which a part of the width between the bounds arises
+        (`Ascent.losses`), and the steps around it. Only near states in a window can become free.
         Components of more than `max_states` states are left out. The work ends before the windows
         have more than `room` states.
         """
@@ -264,7 +279,7 @@ class Programmes:
         return self.ascent.open_gap < PROGRAMMES.nearly * self.ascent.open_cost
 
     def _crowded(self, near: Mask) -> bool:
-        """Return whether a component of the undecided near states is large."""
+        """Return whether an undecided component of the near states is large."""
         if np.count_nonzero(near) <= PROGRAMMES.crowd:
             return False
         _, component = self.ascent.undecided(near)
@@ -273,8 +288,9 @@ class Programmes:
     def _near(self, reach: float) -> Mask:
         """Return a mask of the states that a programme may have to decide, (S,); set `unit`.
 
-        The unit of `reach` is `unit`, which becomes smaller with the gap. A small reach is enough
-        then: a path much worse than the best one, compared with the gap, has hardly any weight.
+        The slack is compared with `reach` times `unit`. The unit becomes smaller with the gap. A
+        small reach is enough then: a path that is worse than the best one by much more than the gap
+        has hardly any weight.
         """
         _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
         self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
@@ -298,9 +314,9 @@ class Programmes:
     def _solve(self, parts: list[Ints], shares: Floats | None = None) -> None:
         """Solve the programme of each group of states, and propose its weights and prices.
 
-        Prices are refined if their error may be as large as the open gap (see
-        `PROGRAMMES.tolerance`). If `shares` (S,) are given, the interior point method solves large
-        groups. It starts from these weights.
+        If `shares` (S,) are given, the interior point method solves large groups, and starts from
+        these weights. Prices are refined if their error may be as large as the open gap
+        (`PROGRAMMES.tolerance`).
         """
         ascent, solved = self.ascent, []
         for group in parts:
@@ -326,7 +342,11 @@ class Programmes:
                 self.report_progress()
 
     def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
-        """Solve the programme of one group; if not `whole`, on the part around it (`extract`)."""
+        """Solve the programme of one group of free states.
+
+        If `whole` is False, there are other groups too, and the programme is built from the part of
+        the problem around this group (`extract`).
+        """
         # lazy: HiGHS is slow to import
         from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
@@ -357,7 +377,7 @@ class Programmes:
         return free, proposal.slot if slots is None else slots[proposal.slot], proposal
 
     def _refined(self, solved: list[Solved]) -> list[Solved]:
-        """Return the proposals after their prices are refined to the last digit."""
+        """Return the proposals after `refine` has improved their prices."""
         from tgospa_eval.solvers.restricted_lp import refine  # lazy: HiGHS is slow to import
 
         left = self.batch.limit.left
@@ -366,7 +386,7 @@ class Programmes:
     def _in_thread(self, work: Callable[[], T], size: int) -> T:
         """Run `work` in a thread that can be abandoned, because HiGHS cannot be stopped.
 
-        With few states (`size`), the work takes hardly any time and needs no thread.
+        Work on few states (`size`) takes hardly any time and needs no thread.
 
         Raises
         ------
@@ -378,7 +398,7 @@ class Programmes:
     def _propose(self, solved: list[Solved]) -> None:
         """Try the proposed weights and prices, and mixtures of new and old prices.
 
-        A mixture may prove more than the new and the old prices, because the bound is concave.
+        A mixture may prove more than either, because the bound is a concave function of the prices.
         """
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
@@ -405,7 +425,7 @@ class Programmes:
         ascent.try_prices(prices)
 
     def _propose_weights(self, free: Ints, proposed: Floats) -> None:
-        """Make the weights `proposed` (S,) feasible, and try them; those of `free` are new."""
+        """Make the weights `proposed` (S,) feasible, and try them; only those of `free` are new."""
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
@@ -453,9 +473,9 @@ def groups(states: States, free: Ints, component: Ints, max_states: int | None) 
 
 
 def windows(lost: Floats, allowed: float, span: int) -> Mask:
-    """Return a mask of the steps with large losses, and of `span` steps around each, (T,).
+    """Return a mask of the steps with losses, and of `span` steps before and after each, (T,).
 
-    The smallest losses are not large, as long as they sum to at most `allowed`.
+    The smallest losses are left out, as long as they sum to at most `allowed`.
     """
     order = np.argsort(lost)
     bad = order[np.cumsum(lost[order]) > allowed]

@@ -1,7 +1,20 @@
-"""The restricted linear programme: HiGHS decides some states, and all other states are fixed.
+"""The linear programme of some states, solved by HiGHS; the weights of all other states are fixed.
 
-The result is only a proposal; bounds are evaluated on all states afterwards. Words, letters and
-shapes: `tgospa_eval.solvers`.
+A *linear programme* looks for numbers x (*variables*) that make a weighted sum ``reward x`` as
+large as possible. Its *constraints* are upper limits of other weighted sums of x. The *slack of a
+constraint* is the unused part of its limit. The *dual* of a constraint says how much the largest
+reward would grow with the limit. If the constraint is the capacity of a column slot, its dual is
+the price of the slot (or minus the price, if HiGHS minimises). The *reduced cost* of a variable is
+what one more unit of it costs, if the room that it takes in constraints is paid at their duals. At
+the optimum it is 0 for each variable that is strictly between its limits.
+
+Some optimum is always at a corner (*vertex*) of the set of allowed x. A vertex has a *basis*: the
+list of the variables and constraints that are *basic*. All others are at a limit. The *simplex
+method* goes from one vertex to a better one until there is none. An *interior point method* reaches
+an optimum in few but long iterations; a *crossover* then looks for a vertex.
+
+The result is only a proposal: both bounds are computed on all states afterwards. The other words
+and the letters of array sizes are in `solvers`.
 """
 
 import time
@@ -25,40 +38,42 @@ Long = NDArray[np.longdouble]
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    A *transition* is the change from a state of a pair to the next. Its *rise* is the increase of
-    the weight, or 0 if the weight falls. A transition from or to a fixed weight of 0 or 1 needs no
-    rise, because it is known that the weight cannot rise, or cannot fall.
+    A *free* state is one whose weight the programme chooses. A *transition* is the change from a
+    state of a pair to the next. The switch price of a transition is paid for rising and for falling
+    weights. To express this, x has a *rise* for a transition: the increase of the weight, and zero
+    if it falls. If one state is fixed, the rise is what the free weight exceeds the fixed one by,
+    or zero. No rise is needed next to a fixed weight of 0 or 1, because the free weight can be only
+    on one side of it.
 
-    The variables (columns of A) are the weights of the free states, and the rises. The constraints
-    (rows of A) are the capacities of the slots of rows, the capacities of the slots of columns, and
-    the transitions that have a rise.
+    The columns of A are the weights of the free states, and then the rises. The rows of A are the
+    capacities of the row slots, those of the column slots, and the transitions that have a rise.
 
     Parameters
     ----------
     states : States
         The problem.
     free : (F,) int array
-        The states that the programme decides, sorted.
+        The free states, sorted.
     transition_reward : (F,) long float array
         Part of the reward of each free state that comes from its transitions.
     to, source : (A,) int arrays
-        Both states of each transition that has a rise, as indices in `free`. The constraint of the
-        transition is ``w[to] - w[source] <= constant + rise``. If one state of a transition is
-        fixed, `to` is the free state, and `source` is not used.
+        Later and earlier state of each transition that has a rise, as indices in `free`. The
+        constraint of the transition is ``w[to] - w[source] <= constant + rise``. If one state of a
+        transition is fixed, `to` is the free state, and `source` is not used.
     two : (A,) bool array
         True where both states of a transition are free.
     paid : (A,) float array
-        Switch price at each transition.
+        Switch price of each transition.
     rows, columns : CapacityRows
-        Capacities of the slots of rows and of columns.
-    before : (k,) float array
-        Previous prices of the k slots in `columns`.
+        Capacities of the row slots and of the column slots.
+    before : (L,) float array
+        Previous prices of the L column slots in `columns.slot`.
     reward : float array
         Reward of each column of A.
     row, column, entry : (nnz,) arrays
-        A, without duplicate entries.
+        Row, column and value of each element of A that is not 0.
     full, upper : float arrays
-        Right-hand side of each constraint, and upper bound of each column of A.
+        Limit of each row of A, and largest value of each column of A.
     unit : float
         Unit of the costs that HiGHS receives and of the duals that it returns, in c^p.
     """
@@ -89,22 +104,22 @@ class Programme:
 
     @cached_property
     def constraints(self) -> tuple[slice, slice, slice]:
-        """Ranges of the rows of A: capacities of rows, capacities of columns, transitions."""
+        """Ranges of the rows of A: row slots, column slots, transitions."""
         a, b = len(self.rows.room), len(self.columns.room)
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
 
     @cached_property
     def potentials(self) -> Floats:
-        """Duals >= 0 of all constraints, consistent with the prices; see `_potentials`."""
+        """Duals >= 0 of all constraints that fit the prices; see `_potentials`."""
         return _potentials(self)
 
     @cached_property
     def anchor(self) -> Floats:
-        """Duals <= 0 of all constraints, near the best duals; HiGHS computes the differences.
+        """Duals <= 0 of all constraints, near the best ones. HiGHS computes differences to them.
 
-        The duals of columns are minus the prices. With compiled kernels, the duals of rows are
-        minus the `potentials`, and the duals of transitions are minus the switch prices. Without
-        kernels, both are 0.
+        They are <= 0 because HiGHS minimises. The duals of column slots are minus the prices. With
+        compiled kernels, the duals of row slots are minus the `potentials`, and the duals of
+        transitions are minus the switch prices. Without kernels, both are 0.
         """
         dual = np.zeros(len(self.full))
         rows, columns, transitions = self.constraints
@@ -118,7 +133,7 @@ class Programme:
     def idle(self) -> Ints:
         """Constraints with a dual other than 0 in `anchor`.
 
-        In the model of HiGHS, the slack of each is a column with a cost.
+        For each of them, the model of HiGHS has an additional column with a cost: the slack.
         """
         return np.flatnonzero(self.anchor)
 
@@ -135,11 +150,11 @@ class Programme:
 
     @cached_property
     def offset(self) -> Long:
-        """Part of the gains that is moved to each constraint of the rows; 0 for other constraints.
+        """Part A + B of the gains that is moved to the constraint of each row slot; 0 elsewhere.
 
         A gain is A + B - cost, with the prices A and B of leaving object and estimate unassigned. A
-        small cost would lose digits in this sum. So `refine` works with gains without A + B. For
-        this, A + B is added to the dual of the row slot.
+        small cost would lose digits in this sum. So `refine` uses gains without A + B, and adds A +
+        B to the dual of the row slot instead.
         """
         entry, constraint = self.states.entry[self.free], self.rows.constraint
         count = np.bincount(self.rows.state, minlength=len(entry))
@@ -174,10 +189,13 @@ def make_programme(
 ) -> Programme:
     """Build the programme of the free states (sorted); other states are fixed at their weights.
 
-    The programme maximises ``sum_s g_s w_s - sum_a price_a |d_a|`` over weights w >= 0 that sum to
-    at most 1 in every slot. g_s is the gain of state s. price_a is the switch price of transition
-    a, and d_a is its change of weight. Since ``|d| = 2 max(d, 0) - d``, one column and one row of A
-    are enough for each transition.
+    The programme maximises
+
+        sum_s gain_s w_s - sum_a price_a |change_a|
+
+    over states s and transitions a, with weights w >= 0 that sum to at most 1 in every slot.
+    price_a is the switch price of the transition, and change_a its change of weight. Since ``|d| =
+    2 max(d, 0) - d``, one column and one row of A are enough for each transition.
     """
     size = len(free)
     fixed = weights.copy()
@@ -223,7 +241,7 @@ def make_programme(
 
 
 def _prices(states: States, entry: Ints) -> Long:
-    """Return the sum A + B of the prices of leaving both states of some near pairs unassigned."""
+    """Return the price A + B of leaving object and estimate of some entries unassigned."""
     problem = states.problem
     price: Long = problem.truth_price[problem.truth_row[entry]].astype(np.longdouble)
     price += problem.estimate_price[problem.estimate_row[entry]]
@@ -235,8 +253,8 @@ def _moves(
 ) -> tuple[Long, Ints, Ints, Mask, Floats, Floats]:
     """Return the transitions from or to a free state.
 
-    The result is `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and the
-    constant of each transition.
+    The result has `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and then
+    the constant of each transition that has a rise.
     """
     before = np.concatenate((free, free - 1))
     before.sort()
@@ -267,25 +285,25 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 
 
 # -------------------------------------------------------------------------------------------------
-# The start of the simplex method: a basis that is consistent with the prices.
+# A basis from which the simplex method starts. It is computed from the prices.
 #
-# A starting basis marks columns and constraints as basic. It need not be valid: when HiGHS factors
-# it, HiGHS adds slacks and removes columns as necessary. The starting basis only changes the number
-# of iterations.
+# It need not be valid: HiGHS adds constraints to it, and removes columns, as necessary. It only
+# changes the number of iterations.
 
 
 MIN_STATES = 300
-"""Smallest number of free states for a starting basis. Smaller programmes take milliseconds."""
+"""Fewest free states for which a basis is suggested. Smaller programmes take milliseconds."""
 
 BASIC = 1e-10
-"""Limit below which reduced costs and duals count as zero."""
+"""Limit below which reduced costs and duals count as 0."""
 
 
 def suggest(p: Programme) -> tuple[Mask, Mask] | None:
-    """Suggest a basis by complementary slackness at the prices; None if the programme is small.
+    """Suggest a basis from the prices; None if the programme is small.
 
-    Columns with a reduced cost near zero and constraints with a dual near zero are basic. Prices do
-    not determine the duals of rows and transitions, so `_potentials` computes these duals.
+    Basic are the columns with a reduced cost near 0, and the constraints with a dual near 0. The
+    duals of row slots and transitions come from `_potentials`, because prices do not determine
+    them.
     """
     if not kernels or len(p.free) < MIN_STATES:
         return None
@@ -297,13 +315,12 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
 
 
 def _potentials(p: Programme) -> Floats:
-    """Return duals >= 0 of all constraints that are consistent with the prices.
+    """Return duals >= 0 of all constraints that fit the prices.
 
-    They come from the values of the best paths of each row, forward in time. Let h be the best
-    value up to a time if the path is then in "none". Let F be the best value if the path is then at
-    the end of state s. The dual of a slot of the row is the increase of h over the slot. The dual
-    of a transition from s, with the switch price lambda, is lambda - (F - h), where F - h is
-    limited to [-lambda, lambda].
+    They come from the best paths of each row from the past. Let h be the largest value up to a time
+    of a path that is then at "none". Let F be the same for a path that is then at the end of state
+    s. The dual of a row slot is the increase of h over the slot. The dual of a transition from s is
+    lambda - (F - h), with its switch price lambda. F - h is limited to [-lambda, lambda].
     """
     size = len(p.free)
     source, to, paid = p.source[p.two], p.to[p.two], p.paid[p.two]
@@ -341,10 +358,14 @@ def _potentials(p: Programme) -> Floats:
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
     """Return the borders between which free states lie.
 
-    Each row has a border before its first constraint and one after each constraint. Borders are
-    numbered row by row. The results are the first border of each state, its last border, its row,
-    and the first border of each row. If a state has no constraint, both of its borders are the last
-    border of the state before it in its pair.
+    Each row has a *border* before its first constraint, and one after each constraint. Borders are
+    numbered row by row. If a state has no constraint, its first and its last border are the same:
+    the last border of the state before it in its pair.
+
+    Returns
+    -------
+    tuple
+        First border, last border and row of each free state; and the first border of each row.
     """
     states, size = p.states, len(p.free)
     pair = states.pairs_of(p.free)
@@ -371,23 +392,23 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
-"""A programme of LARGE_LP constraints or more is large. In a large programme, the simplex method
-has two limits for each constraint: ITERATIONS_EACH iterations, and the work WORK_EACH. The work of
-an iteration is the mean number of nonzeros in a row of the inverse of the basis. It is estimated
-from SAMPLED_ROWS rows, and is 5 to 20 as a rule, but 2,000 if very many costs are equal. Beyond
-these limits many costs are equal, and the interior point method is up to ten times faster. In other
-programmes the interior point method is two to four times slower."""
+"""Limits of the simplex method. A programme of LARGE_LP constraints or more is *large*. In a large
+programme, the simplex method may use ITERATIONS_EACH iterations for each constraint, and the work
+WORK_EACH for each constraint. The work of an iteration is the mean number of nonzeros in a row of
+the inverse matrix of the basis, estimated from SAMPLED_ROWS rows. It is 5 to 20 as a rule, but
+2,000 if very many costs are equal. Beyond these limits the interior point method is up to ten times
+faster. In other programmes it is two to four times slower."""
 
 TAKEN_FOR_ZERO = 1e-9
-"""Feasibility tolerance of HiGHS."""
+"""Tolerance of HiGHS for constraints and for reduced costs."""
 
 SCALE, SHIFT = 2.0**70, 2.0**20
-"""Largest factor by which `refine` scales costs up, and the limit at which it clips them."""
+"""Largest factor by which `refine` multiplies costs, and limit to which it clips the products."""
 
 ROOMIER = 1e-6
-"""Additional room in the slots of columns while duals are refined. With this room, HiGHS finds the
-smallest of the best prices. Small prices are better, because they keep more digits. A basis that is
-optimal with this room is optimal without it."""
+"""Additional room in the column slots while duals are refined. With it, HiGHS finds the smallest of
+the best prices. Small prices are better, because they keep more digits. A basis that is optimal
+with this room is optimal without it."""
 
 DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Largest error of a dual after refinement, and largest number of refinements."""
@@ -408,16 +429,16 @@ class Proposal:
     ----------
     weights : (F,) float array
         Weights of the free states.
-    slot, prices : (k,), (k,) arrays
+    slot, prices : (L,), (L,) arrays
         Column slots of the free states, and their new prices.
     iterations : int
         Iterations of the simplex method, or of the interior point method and the crossover.
     finished : bool
-        Whether HiGHS found an optimum.
+        Whether an optimum was reached.
     interior : bool
         True if the simplex method would have taken too long.
     vertex : tuple, optional
-        Start of `refine`, if HiGHS found an optimum: the programme, the duals of its constraints
+        Start of `refine`, if HiGHS reached an optimum: the programme, the duals of its constraints
         (<= 0 because HiGHS minimises), and the basis as an object of HiGHS.
     """
 
@@ -443,8 +464,8 @@ def solve_restricted_lp(
 ) -> Proposal:
     """Return the best weights of the free states, and prices; all other states stay fixed.
 
-    `free` must be sorted. As a rule, the simplex method is tried first. If `interior` is True and
-    the programme is large, the interior point method is tried first.
+    `free` must be sorted. The simplex method is tried first. If `interior` is True and the
+    programme is large (`LARGE_LP`), the interior point method is tried first.
     """
     p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
@@ -471,8 +492,8 @@ def solve_restricted_lp(
 
 
 SOFT = 0.01
-"""Stiffness (`solvers.interior_point`) of the duals of rows and transitions, relative to that of
-prices. It is small, because the duals of rows and transitions are not kept."""
+"""Stiffness (`solvers.interior_point`) of the duals of row slots and transitions, as a fraction of
+that of prices. It is small, because these duals are not kept."""
 
 
 def solve_interior(
@@ -486,11 +507,11 @@ def solve_interior(
     *,
     exact: bool,
 ) -> Proposal | None:
-    """Solve as `solve_restricted_lp`, by `solvers.interior_point`; None if this method breaks down.
+    """Solve by `solvers.interior_point`; None if this method breaks down.
 
-    The method starts from the weights `shares` (F,) and from `prices`. Among the optimal prices, it
-    returns those nearest to `prices`. If `exact` is True, the result is exact up to rounding. The
-    method needs the compiled kernels.
+    The parameters are those of `solve_restricted_lp`. The method starts from the weights `shares`
+    (F,) and from `prices`. Among the optimal prices, it returns those nearest to `prices`. If
+    `exact` is True, the result is exact up to rounding. The method needs the compiled kernels.
     """
     from scipy import sparse  # lazy: slow to import and rarely needed
 
@@ -526,12 +547,12 @@ def solve_interior(
 
 
 def refine(proposal: Proposal, seconds: float | None) -> Proposal:
-    """Refine the prices of a proposal from an error of 1e-9 to the last digit.
+    """Improve the prices of a proposal, whose error may be 1e-9, to the last digit.
 
-    Let c be the costs and y the duals. An iteration computes the reduced costs c - A'y in long
-    doubles. HiGHS minimises ``s (c - A'y) x`` with a large factor s, and with the same constraints
-    and the same basis. Let y' be the duals of this optimum. Then y is replaced by ``y + y' / s``.
-    The slacks of all constraints are columns of the model, because they have a cost. Source:
+    The reduced costs at the current duals y are computed in long doubles, and multiplied by a large
+    factor s. HiGHS minimises with them as costs, from the same basis and with the same constraints.
+    Its duals y', divided by s, are the correction: y is replaced by ``y + y' / s``. This is
+    repeated. The slack of every constraint is a column of the model, because it has a cost. Source:
     Gleixner, Steffy and Wolter, "Iterative refinement for linear programming" (INFORMS Journal on
     Computing 2016).
     """
@@ -584,14 +605,14 @@ def refine(proposal: Proposal, seconds: float | None) -> Proposal:
 
 
 def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
-    """Add room to the slots of columns, in a model whose slacks are columns."""
+    """Add `more` room to the column slots, in a model in which every slack is a column."""
     columns = p.constraints[1]
     for row, room in enumerate((p.full[columns] + more).tolist(), columns.start):
         highs.changeRowBounds(row, room, room)
 
 
 def _spread(p: Programme, dual: Floats) -> Floats:
-    """Return new prices of the slots from the duals of all constraints."""
+    """Return new prices of the column slots from the duals of all constraints."""
     return p.columns.spread(np.maximum(-dual[p.constraints[1]], 0.0), p.before)
 
 
@@ -621,10 +642,10 @@ def _snapped(p: Programme, values: Floats) -> Floats:
 
 
 def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
-    """Return the programme for HiGHS, which minimises the reduced costs at `anchor`.
+    """Return the programme for HiGHS, with the reduced costs at `anchor` as costs to minimise.
 
-    The duals of this model are differences to `anchor`. The model has columns for the slacks of the
-    constraints `slack`.
+    So its duals are differences to `anchor`. The model has an additional column for the slack of
+    each constraint in `slack`.
     """
     row = np.append(p.row, slack)
     column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
@@ -679,16 +700,16 @@ def _highs(model: highspy.HighsLp) -> highspy.Highs:
 def _solve(
     p: Programme, interior: bool, seconds: float | None
 ) -> tuple[highspy.Highs, bool, int, bool]:
-    """Run HiGHS until it finds an optimum, or until the time is over.
+    """Run HiGHS until it reaches an optimum, or until the time is over.
 
-    The simplex method is tried first, except for a large programme if `interior` is True. If the
-    simplex method fails or takes long, the interior point method with crossover is next. If both
-    fail, the simplex method is run without a limit of iterations.
+    First comes the simplex method, unless `interior` is True and the programme is large. If it
+    fails or takes long, the interior point method with crossover is next. If both fail, the simplex
+    method runs without a limit of iterations.
 
     Returns
     -------
     tuple
-        HiGHS; whether it found an optimum; number of iterations; and whether the simplex method
+        HiGHS; whether it reached an optimum; number of iterations; and whether the simplex method
         would take too long.
     """
     deadline = None if seconds is None else time.monotonic() + seconds
@@ -733,7 +754,7 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
-    """Estimate the mean number of nonzeros in a row of the inverse of the basis."""
+    """Estimate the mean number of nonzeros in a row of the inverse matrix of the basis."""
     sample = np.linspace(0, rows - 1, SAMPLED_ROWS).astype(int).tolist()
     sampled = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
     return float(np.mean([count for _, _, count, *_ in sampled]))
@@ -744,7 +765,7 @@ def _over(deadline: float | None) -> bool:
 
 
 def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
-    """Run until the deadline; return whether there is an optimum, and the number of iterations."""
+    """Run until the deadline; return whether the optimum is reached, and the iterations."""
     if deadline is not None:
         # HiGHS compares its time limit with the total time of all runs of a model.
         left = max(deadline - time.monotonic(), 0.0)

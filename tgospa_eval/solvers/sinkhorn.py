@@ -1,25 +1,32 @@
-"""The approximation: entropy on the paths, block coordinate ascent in the dual.
+"""The approximate solver: sweeps without linear programmes, down to a given temperature.
 
-The solver `Sinkhorn` looks for masses theta of the paths of each row, which sum to 1 in each row. A
-*mass* is the share of a row that takes the path. The load of a column slot is the mass of all paths
-in it, and its slack sigma is 1 minus the load. The masses
+`Sinkhorn` divides each row among its paths pi. The share of a path is its mass theta, and the
+masses of a row sum to 1. At each column slot, the load is the sum of the masses of the paths
+through it, and the *slack of the slot* is sigma = 1 - load. The best masses would be 0 or 1 for
+most paths. The *entropy* sum H(theta) + sum H(sigma), with H(t) = t - t log t, is largest for
+masses that are spread. The sweeps approach the masses that
 
-    maximise  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(sigma),
+    maximise  sum theta value(pi) + epsilon (entropy).
 
-with H(t) = t - t log t. Source: Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the
-TGOSPA metric for multiple target tracking via unbalanced optimal transport", below [Wernholm]; see
-docs/theory/solvers.md, "Sinkhorn sweeps". The bounds of the result come from the prices and from
-the rounded assignment. The entropic value is not a bound. Words and letters: `tgospa_eval.solvers`.
+The temperature epsilon is the weight of the entropy. Each sweep sets the prices so that loads and
+slacks sum to 1 more exactly. The bounds of the result come from the prices and from the assignment
+that is rounded from the masses.
 
-`entropic_trace` computes the primal and the dual value of the regularised problem itself. With
-path pi of row i, and slot r, this problem is
+`entropic_trace` computes what the problem with entropy itself costs. This *entropic value* is no
+bound of TGOSPA. With row i and column slot r the problem is
 
     min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma)
     with  sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot.
 
-It is the multimarginal problem of [Wernholm], theorem 1. The sweeps of `Sinkhorn` work on a part of
-the states (the working set). `entropic_trace` uses all states and all slots, so the value does not
-depend on the algorithm (docs/theory/solvers.md, "The entropic value").
+It is the same problem: the missing -theta would only add a constant for each row. The *primal*
+value is the objective at the masses. The *dual* value is a bound of it from the prices. The two
+meet at the optimum. The sweeps of `Sinkhorn` use a part of the states (the working set).
+`entropic_trace` uses all states and slots, so the value does not depend on the algorithm
+(docs/theory/solvers.md, "The entropic value").
+
+Source: Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
+target tracking via unbalanced optimal transport", theorem 1; below [Wernholm]. Other words and
+letters: `solvers`, and docs/theory/solvers.md, "Sinkhorn sweeps".
 """
 
 import itertools
@@ -43,28 +50,28 @@ from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import check_settings
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-"""Temperatures before the requested one, each with `WARM_SWEEPS` sweeps."""
+"""Temperatures of the first stages: those above the requested one, with `WARM_SWEEPS` sweeps
+each."""
 
 WARM_SWEEPS = 12
 CHECK_SWEEPS, CHECKS = 24, 4
-"""Number of sweeps between two checks of the bounds, and the usual number of checks."""
+"""Sweeps between two checks of the bounds, and usual number of checks (for the progress)."""
 
 MAX_SWEEPS = 2000
 FULL_TO = 1e-6
 NEGLIGIBLE_SLACK = 25.0
-"""Slack of a state, in units of the temperature, above which the state is left out.
-
-Such a state has a mass below 1e-10."""
+"""Largest slack, in units of the temperature, of the states in the working set, not counting half
+the switch price that is added to it. States with more slack have a mass below 1e-10."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sinkhorn(BatchSolver):
-    """Entropic approximation, with proven bounds.
+    """Approximate solver with proven bounds.
 
     Parameters
     ----------
     epsilon : float
-        Temperature as a fraction of c^p, approached from 0.3 in steps.
+        Temperature as a fraction of c^p. Stages at higher temperatures, from 0.3 on, come first.
     gap : float
         Relative gap of the total at which to stop early.
     time_limit : float, optional
@@ -92,10 +99,12 @@ class Sinkhorn(BatchSolver):
 
     @property
     def routine(self) -> Routine:
-        """Functions that sweep until the gap is closed or settles, or columns sum to 1 within 1e-6.
+        """Functions that sweep until one of four conditions is true.
 
-        A warm start is ignored, because sweeps at high temperatures would forget it. Without
-        compiled kernels, linear programmes replace the sweeps: they are faster, and exact.
+        The gap is closed; sweeps hardly make it smaller; loads and slacks of column slots sum to 1
+        within `FULL_TO`; or `MAX_SWEEPS` is reached. A warm start is ignored, because sweeps at
+        high temperatures would forget it. Without compiled kernels, linear programmes replace the
+        sweeps: they are faster, and exact.
         """
         return Routine(
             solve_steps if kernels else solve_conflict_free,
@@ -178,17 +187,18 @@ def _without_kernels(batch: BlockBatch) -> Answer:
 
 
 MAX_TRACE, MAX_LINKS = 1000, 5_000_000
-"""Largest number of sweeps of a trace, and largest number of links (`kernels.Chain`)."""
+"""Number of sweeps after which a trace ends, and largest number of links (`kernels.Chain`)."""
 
 MET, STILL = 1e-7, 1e-9
-"""A trace has converged in two cases: the gap between primal and dual is at most the share MET of
-the dual, or the last sweeps changed the dual by at most the share STILL of it."""
+"""Limits at which a trace has converged: the difference of primal and dual is at most the share MET
+of the dual, or the last sweeps changed the dual by at most the share STILL of it."""
 
 NEVER = 700.0
-"""Ratio of switch price to temperature above which the mass of switches is 0 in doubles."""
+"""Ratio of switch price to temperature above which the mass that switches is 0 in doubles."""
 
 Trace = list[dict[str, float]]
-"""A dict for each check: sweep, epsilon, violation, and primal, dual and cost in units of c^p."""
+"""Numbers of each check in a dict: sweep, epsilon, violation (the largest error of a sum of load
+and slack), and primal, dual and cost in units of c^p."""
 
 
 def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> Trace:
@@ -199,7 +209,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
     states : States
         The problem.
     epsilon : float
-        Last temperature, in units of c^p. The first one is 0.3.
+        Last temperature, in units of c^p. Higher ones, from 0.3 on, come first.
     late : callable
         Function that returns whether to stop.
     """
@@ -243,26 +253,27 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     """Return primal and dual value with entropy, and the gain without entropy, at prices v.
 
     The letters are those of the docstring of this module. Let value_v be the value of a path minus
-    its prices. The prices determine
+    the prices on its way. The prices determine
 
         alpha_i = epsilon log sum_pi exp(value_v / epsilon),
         theta = exp((value_v - alpha) / epsilon),   sigma = exp(-v / epsilon).
 
-    The results are ([Wernholm], Lagrangian dual)
+    The results are gains, so their signs are opposite to those of costs:
 
         primal  sum_i alpha_i + sum_r v_r load_r + sum_r (epsilon + v_r) sigma_r,
         dual    sum_i alpha_i + sum_r v_r        + sum_r epsilon sigma_r,
         gain    sum_s mass_s gain_s - sum_a lambda_a (mass that changes at a),
 
-    with states s, and transitions a from a state of a pair to the next. The dual is never below the
-    largest primal; they are equal where load + sigma = 1.
+    with states s, and transitions a from a state of a pair to the next. Dual and primal come from
+    the Lagrangian dual of [Wernholm]. The dual is never below the largest primal. They are equal
+    where load + sigma = 1.
 
     Parameters
     ----------
     states : States
         The problem.
     prices : (K,) float array
-        v >= 0 of the column slots.
+        The prices v >= 0 of the column slots.
     epsilon : float
         Temperature, in units of c^p.
 
@@ -285,9 +296,10 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """Return values of rows, masses of states, and the mass from the state before in each pair.
+    """Return alpha of each row, the mass of each state, and the part of it that stays in its pair.
 
-    They are computed in logarithms from messages (docs/theory/solvers.md, "Messages").
+    This part comes from the state before in the pair. All are computed in logarithms from messages
+    (docs/theory/solvers.md, "Messages").
     """
     row = np.repeat(states.pair_row, np.diff(states.pair_first))
     order = np.lexsort((row, states.begin))  # by step, then by row

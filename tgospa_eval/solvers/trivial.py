@@ -1,4 +1,11 @@
-"""Blocks that need no solver: those with a single row, and those whose steps are independent."""
+"""Trivial blocks: a single row, independent steps, or best paths that do not conflict.
+
+They need no solver. A block with a single row is solved by the best path of the row. If a block has
+one step only, or switches are free, each step is a *linear assignment*: rows and columns are
+matched one to one so that the sum of gains is largest. A *conflict* is a column slot that the paths
+of two rows use. Best paths at prices 0 without conflict are the optimum. This module also rounds
+weights to paths without conflict. Words and letters: `solvers`.
+"""
 
 import itertools
 
@@ -19,8 +26,9 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """Return the path of each row with the largest sum of `value` (S,), as weights 0 and 1, (S,).
 
-    The recursion is that of `problem.paths.best_values`. It also stores from where each state, and
-    "none" of each row, is reached on the best path.
+    Switch prices are subtracted from the sum. Like `problem.paths.best_values`, it goes through the
+    steps and keeps the value of the best path to each place. Here it also keeps the place before,
+    for each state and for "none".
     """
     bounds, order, pairs, rows = turns(states)
     row, switch_price = states.pair_row, states.problem.switch_price_at
@@ -58,7 +66,7 @@ def paths(states: States, value: Floats) -> Floats:
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
-    """Return ``Z(v) = sum v + sum_i best_i(v)`` of each block, (B,), which bounds its gain."""
+    """Return ``Z(v) = sum v + sum_i best_i(v)`` of each block, (B,): an upper bound of its gain."""
     blocks = len(states.block_begin)
     best = best_values(states, states.gain - states.columns.totals(prices))
     slot_block = states.node_block[states.columns.node]
@@ -66,13 +74,15 @@ def dual_values(states: States, prices: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------------------------------------
-# Rounding: one path for each row, so that no two paths share a column slot.
+# Rounding: one path for each row, without conflicts.
 
 ROUNDINGS = 12
 
 
 def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
     """Return feasible weights 0 and 1, (S,): best paths without the states that lose a conflict.
+
+    A state that loses is forbidden, and paths are computed again, up to ROUNDINGS times.
 
     Parameters
     ----------
@@ -81,8 +91,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
     value : (S,) float array
         Gain minus price of each state.
     preference : (S,) float array
-        Preference of each state. If two rows claim a column slot, the state with the larger
-        preference wins.
+        In a conflict, the state with the larger preference wins.
     """
     value = value.copy()
     for _ in range(ROUNDINGS):
@@ -96,7 +105,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
 
 
 def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
-    """Return the claimed states that lose a slot to another claimed state."""
+    """Return the claimed states that lose a column slot to another claimed state."""
     slots = states.columns
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]
@@ -108,10 +117,10 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
 
 
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
-    """Write weights (S,) and prices (K,) of blocks without transitions; return the other blocks.
+    """Write weights (S,) and prices (K,) of blocks with independent steps; return the other blocks.
 
-    A block of one step is a linear assignment. If switches are free, each step of any block is one.
-    `weights` and `prices` must be zeros at first.
+    Steps are independent if a block has one step only, or if switches are free. `weights` and
+    `prices` must be zeros at first.
     """
     price = states.problem.switch_price
     if not price if isinstance(price, float) else not price.any():
@@ -124,16 +133,16 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
 
 
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
-    """Solve as `solve_rows`, and also blocks whose best paths at prices 0 share no column slot."""
+    """Do as `solve_rows`, and also solve blocks whose best paths at prices 0 have no conflict."""
     return solve_rows(states, weights, prices, conflict_free=True)
 
 
 def solve_rows(
     states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
 ) -> Ints:
-    """Solve as `solve_steps`, and also blocks with a single row, by a shortest path.
+    """Do as `solve_steps`, and also solve blocks with a single row, by its best path.
 
-    With `conflict_free`, also solve blocks whose best paths share no column slot.
+    With `conflict_free`, blocks whose best paths at prices 0 have no conflict are solved, too.
     """
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
@@ -161,10 +170,11 @@ def assign_steps(states: States, blocks: Mask, weights: Floats, prices: Floats) 
 
 
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
-    """Solve the chosen states with a gain step by step, and write weights and column prices.
+    """Solve the chosen states, which have a gain, step by step; write weights and column prices.
 
-    Each component has a separate matrix, so its choice among equal optima does not depend on other
-    components. This matters for data in parts, because the parts are solved separately.
+    At each step, connected entries are one component with its own matrix. So the choice among equal
+    optima does not depend on other components. This matters for data in parts, because the parts
+    are solved separately.
     """
     problem = states.problem
     entry = states.entry[chosen]
@@ -201,9 +211,9 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
 
 
 def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
-    """Return an index for each item, from 0 on in its component, and the counts by component.
+    """Return numbers of the items, from 0 on in each component, and their counts by component.
 
-    Equal items of a component have the same index.
+    Equal items of a component have the same number.
     """
     order = np.lexsort((items, component))
     new = np.diff(items[order], prepend=-1) != 0
@@ -216,11 +226,12 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
     """Return an assignment of largest gain, and the lowest column prices that prove it.
 
-    `gain` is (m, n). The results are the column of each row, (m,), -1 for none, and the prices
-    v >= 0 of the columns, (n,). Let u[i] be the gain of row i minus the price of its column, or 0
-    without a column. The prices prove the assignment, because gain[i, j] - v[j] <= u[i] for all i
-    and j. They are the fixed point of ``v[j] = max_i (gain[i, j] - u[i])``, computed by
-    Bellman-Ford on the residual graph. This graph has no positive cycle at an optimum.
+    `gain` is (m, n). The results are the column of each row, (m,), -1 for none, and the prices v >=
+    0 of the columns, (n,). Let u[i] be the gain of row i minus the price of its column, or 0
+    without a column. The prices prove the assignment if no row would do better in another column:
+    gain[i, j] - v[j] <= u[i]. To find them, prices 0 are raised to ``max_i (gain[i, j] - u[i])``
+    again and again, until nothing changes (Bellman-Ford). The prices do not grow without end,
+    because the assignment is the best.
     """
     from scipy.optimize import linear_sum_assignment  # lazy: slow to import and rarely needed
 
@@ -243,10 +254,10 @@ def _assign(gain: Floats) -> tuple[Ints, Floats]:
 
 
 def _hold(states: States, weights: Floats) -> None:
-    """Assign pairs also in runs between their assigned states, if no other pair uses the slots.
+    """Assign pairs also in the runs between their assigned states, if no other pair uses the slots.
 
-    A run has no gain. If switches are free, this does not change the cost, but fewer switches are
-    reported. Short runs come first.
+    If switches are free, this does not change the cost, because a run has no gain. But fewer
+    switches are reported. Short runs come first.
     """
     run = states.entry < 0
     size = len(weights)

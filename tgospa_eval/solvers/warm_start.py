@@ -1,13 +1,15 @@
-"""Proposals for a problem from solutions of neighbouring problems; they may solve some blocks.
+"""Proposals for a problem from solutions of *neighbours*, which differ in one parameter only.
 
-Neighbours differ in one parameter C, which is c^p or gamma^p. The lower bound L is concave in the
-prices and C together, so interpolated prices prove at least the interpolated bound:
+The parameter C is c^p or gamma^p. A *proposal* is an assignment, or prices, to try before a solver
+begins; some blocks may need nothing more. Let a neighbour have the prices v_0 at C_0, and another
+one v_1 at C_1. Between them, at C = (1 - t) C_0 + t C_1 with 0 <= t <= 1, prices are mixed in the
+same proportion. The lower bound L is concave in prices and C together, so
 
-    L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
+    L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1).
 
-with the prices v_0 and v_1 of the neighbours at C_0 and C_1, and 0 <= t <= 1
-(docs/theory/solvers.md, "Sweeps of a parameter"). If both neighbours have the same best assignment,
-the optimum at C is the interpolated optimum.
+So the mixed prices prove at least the mixed bound (docs/theory/solvers.md, "Sweeps of a
+parameter"). If both neighbours have the same best assignment, its cost at C is the mixture of its
+costs at C_0 and C_1, and so the optimum. Other words and letters: `solvers`.
 """
 
 from functools import cached_property
@@ -19,7 +21,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.states import ONE, States
 
 OVERFULL = 1e-12
-"""Largest excess of a sum of weights above 1 that counts as rounding. The proof repairs it."""
+"""Largest excess of a load over 1 that counts as rounding. The proof repairs it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,9 +34,9 @@ class SavedSolution:
         Assigned pairs, and the first and the last step of each assignment.
     weight : (A,) float array
         Weight of each assignment.
-    priced, step : (P,) int arrays
+    priced, step : (V,) int arrays
         Estimate and first step of each price.
-    price : (P,) float array
+    price : (V,) float array
         Prices, > 0.
     estimates, steps : int
         Number of estimates and of steps of the problem.
@@ -53,9 +55,9 @@ class SavedSolution:
 
     @cached_property
     def runs(self) -> tuple[Ints, Ints, Floats]:
-        """Begin, end and weight of each assignment, sorted by begin.
+        """First step, last step and weight of each assignment, sorted by pair and first step.
 
-        A begin or end is (truth, estimate, step), coded as one number.
+        A step of a pair, (truth, estimate, step), is coded as one number.
         """
         pair = (self.truth * np.int64(self.estimates) + self.estimate) * self.steps
         order = np.argsort(pair + self.begin, kind="stable")
@@ -63,9 +65,9 @@ class SavedSolution:
 
     @cached_property
     def running_prices(self) -> tuple[Ints, Floats]:
-        """Estimate and step of each price, coded as one number, sorted; running sums of prices.
+        """Place of each price, sorted, and running sums of the prices, which begin with 0.
 
-        The running sums begin with 0.
+        The place, (estimate, step), is coded as one number.
         """
         place = self.priced * np.int64(self.steps) + self.step
         order = np.argsort(place, kind="stable")
@@ -83,7 +85,7 @@ class WarmStart:
     prices : (K,) float array
         Prices of the column slots, >= 0.
     near : bool
-        True if `prices` are near the best ones, so the solver can begin with low temperatures.
+        True if `prices` are near the best ones, so that sweeps can begin at a low temperature.
     """
 
     weights: tuple[Floats, ...]
@@ -91,7 +93,7 @@ class WarmStart:
     near: bool = False
 
     def between(self, state: slice, slot: slice) -> "WarmStart":
-        """Return the proposals for some blocks, by their states and column slots."""
+        """Return the proposals for some blocks, whose states and column slots are given."""
         return WarmStart(
             weights=tuple(weights[state] for weights in self.weights),
             prices=self.prices[slot],
@@ -133,9 +135,10 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 
 
 def _estimates(states: States, number: Ints) -> Ints:
-    """Return the index of the estimate of each column that has slots, (nodes,).
+    """Return for each node the number of its estimate, (nodes,), or 0 if it is not a column.
 
-    Columns of transposed blocks are true objects, which have one pair each and no slots.
+    `number` has the number of each estimate. In transposed blocks, the columns are true objects.
+    The result means nothing for them, but they have one pair each and so no slots.
     """
     numbers = np.zeros(states.nodes, np.int64)
     numbers[states.pair_column] = number[states.pair_estimate]
@@ -148,7 +151,7 @@ def make_warm_start(
     shares: tuple[float, ...],
     origin: tuple[Ints, Ints, Ints] | None = None,
 ) -> WarmStart:
-    """Build a warm start from the assignments of neighbours, and shares of their prices.
+    """Build a warm start: the assignments of neighbours, and a sum of their prices times `shares`.
 
     The weight of a state is the saved weight of its pair at the first step of the state. The price
     of a slot is the sum of the saved prices of its estimate at the steps of the slot. `origin` has
@@ -176,7 +179,7 @@ def make_warm_start(
 
 
 def _feasible(states: States, weights: Floats) -> Floats:
-    """Return the weights, but 0 in all blocks in which the weights of a row or column exceed 1."""
+    """Return the weights, but 0 in each block in which they are not feasible."""
     used = np.flatnonzero(weights)
     begin, end = states.begin[used], states.end[used]
     pair = states.pair[used]
