@@ -965,7 +965,7 @@ def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: 
         (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
         (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
         (("--protect",), "--protect is gone: --against TARGET judges by the suite"),
-        (("--history", "h.jsonl"), "--history is gone: keep the documents"),
+        (("--history", "h.jsonl"), "--history is gone: keep the output of"),
         (("--format", "bencher"), "--format bencher is gone: --format json"),
         (("--fail-on", "total:+5% best-of-last 20"), "best-of-last is gone; use a rule such as"),
         (("--against", "main", "--update-baseline"), "leave one of them out"),

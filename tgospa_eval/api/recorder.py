@@ -140,8 +140,8 @@ class Recorder:
                 later = bool(t > last)
             except (TypeError, ValueError):
                 raise InputError(
-                    f"{where}: the time is a {type(t).__name__}, but the previous one ({last}) is "
-                    f"a {type(last).__name__}; all times must have one type"
+                    f"{where}: the time has the type {type(t).__name__}, but the previous one "
+                    f"({last}) has {type(last).__name__}; all times must have one type"
                 ) from None
             if not later:
                 again = "this time was already given" if t == last else "time goes back"
