@@ -300,7 +300,9 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     check_columns(first, second, names)
     check_states(first, second, distance, names)
     if not np.array_equal(first.times, second.times) or first.clock != second.clock:
-        raise InputError("the sides are on different times; tracks.alignment.align joins them")
+        raise InputError(
+            "first and second have different times; join them with tracks.alignment.align"
+        )
     return distance.fitted((first, second))
 
 

@@ -251,7 +251,7 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
         ),
         (("batch", "m.csv"), "name the folder of the results with -o DIR"),
         (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
-        (("batch", "report"), "takes one folder: the -o of a batch"),
+        (("batch", "report"), "takes one folder: that of -o DIR"),
         (("batch", "report", "r", "-c", "3"), "--cutoff is only for evaluating; batch report"),
     ],
 )
@@ -263,7 +263,7 @@ def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -
 
 def test_what_is_wrong_is_said_before_any_work(invoke: Invoke, runs: Path) -> None:
     for more, message in (
-        (("--proof",), "--proof is for the folders of --reports"),
+        (("--proof",), "--proof needs --reports, whose folders hold"),
         (("--by", "colour"), "--by colour: no such label; there are tracker, run"),
         (("--by", "class"), "there are tracker, run; --slice class splits costs by class"),
     ):

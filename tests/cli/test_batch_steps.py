@@ -134,7 +134,7 @@ def test_files_of_others_in_the_store_stay(invoke: Invoke, runs: Path) -> None:
 def test_a_curve_that_nobody_stores_is_refused(invoke: Invoke, runs: Path) -> None:
     answer = batch(invoke, "--curve")
     assert answer.status == 2
-    assert "--curve is for --per-step, or for the folders of --reports" in answer.err
+    assert "--curve needs --per-step or --reports" in answer.err
     assert not Path("r").exists()
 
 

@@ -287,7 +287,7 @@ def test_a_file_that_was_found_sets_what_is_evaluated_alone(
         status, out, err = invoke(verb, "t.csv", "e.csv")
         assert (status, out) == (2, "")
         assert err == (
-            f'{name}: only a file named on purpose may set "{key}"; if it is yours, use '
+            f'{name}: only a file that you name may set "{key}"; if you trust this file, use '
             f"--config {name}\n"
         )
     assert set(tmp_path.iterdir()) == before
@@ -300,7 +300,7 @@ def test_a_file_that_was_found_connects_to_nothing(
     settings("tgospa-eval.toml", text)
     answer = invoke(*scene)
     assert answer.status == 2
-    assert "only a file named on purpose" in answer.err
+    assert "only a file that you name" in answer.err
 
 
 def test_a_file_names_what_it_set_and_no_more(

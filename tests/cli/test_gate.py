@@ -65,7 +65,7 @@ def test_fails_when_the_lower_bound_is_worse(gate: Invoke, write: Write) -> None
     answer = gate()
     assert answer.status == 1
     assert answer.out.startswith("gate: fail (exit status 1)\n")
-    assert "total is at least 5.5, proven, 5.00005 allowed by total:+0.001%" in answer.out
+    assert "total is at least 5.5 (proven); total:+0.001% allows 5.00005" in answer.out
     assert gate("--fail-on", "total:+11%").status == 0
     assert gate("--fail-on", "total:+0.51").status == 0
     assert gate("--fail-on", "total:+0.49").status == 1
@@ -112,7 +112,7 @@ def test_undecided_inside_the_bracket(gate: Invoke, invoke: Invoke, crowd: tuple
     assert invoke("gate", "t.csv", "e.csv", *coarse, "-p", "2", "-q", *between).status == 4
     answer = gate(*between)
     assert answer.status == 4
-    assert "undecided: a smaller --epsilon than 0.5, or --solver certified" in answer.out
+    assert "undecided: use a smaller --epsilon than 0.5, or --solver certified" in answer.out
     assert gate("--max", f"tgospa={lower * 0.99}").status == 1
     # The options of solving may differ: what is proven holds for any solver.
     decided = gate(*between, "--solver", "certified")

@@ -307,7 +307,7 @@ def test_groups_on_the_command_line_and_of_batches(gate: Invoke, invoke: Invoke)
     ("text", "said"),
     [
         ('[[group]]\nname = "{site}"\n', '"{site}": {site} is in no pattern of a pair'),
-        ('[[group]]\nname = "{seed}"\n', "has {seed}, in which its runs differ"),
+        ('[[group]]\nname = "{seed}"\n', "must not have {seed}, which tells its runs"),
         ('[[group]]\nseed = "run"\n', "no pattern of a pair has {run}"),
         ('[[group]]\nname = "{scene"\n', "a brace without a label"),
         ("[[group]]\n[[group]]\n", 'two groups have the name "all"'),
@@ -685,7 +685,7 @@ def test_a_truth_is_that_of_the_target(against: Invoke, gate: Invoke) -> None:
     answer = against()
     assert answer.status == 2
     said = " ".join(answer.out.split())
-    assert "slow/1: data/slow/1/truth.csv: this branch changes it, but main judges" in said
+    assert "slow/1: data/slow/1/truth.csv: this branch changes this file, but main judges" in said
     assert "first state that differs: a at 3: 3.0, 0.0 -> 3.5, 0.0 (was -> is; since main)" in (
         said
     )
@@ -835,7 +835,9 @@ def test_files_that_options_name_are_the_target_s(against: Invoke, option: str) 
     write("regions.csv", "left,top,width,height\n-900,-900,1800,1800\n")
     answer = against()
     assert answer.status == 2
-    assert "regions.csv: this branch changes it, but main judges" in " ".join(answer.out.split())
+    assert "regions.csv: this branch changes this file, but main judges" in " ".join(
+        answer.out.split()
+    )
 
 
 def test_a_baseline_that_is_updated_passes_nothing(against: Invoke, gate: Invoke) -> None:
@@ -844,7 +846,7 @@ def test_a_baseline_that_is_updated_passes_nothing(against: Invoke, gate: Invoke
     assert gate().status == 0
     answer = against()
     assert answer.status == 1
-    assert "To accept this, if it is right; main judges until it has this:" in answer.out
+    assert "To accept the new values, if they are right; main judges until it has" in answer.out
     assert "\n  tgospa-eval gate --suite suite.toml -q --update-baseline" in answer.out
 
 
@@ -873,7 +875,7 @@ def test_variables_count_for_nothing(
     answer = invoke("gate", "--suite", "suite.toml", "--against", "main")
     assert answer.status == 1
     assert "TGOSPA_EVAL_CUTOFF" in answer.err
-    assert "ignored, because main judges" in answer.err
+    assert "ignored, because the settings of main count" in answer.err
     assert invoke("gate", "--against", "main", "-q").status == 2  # no suite is named
     for name in values:
         monkeypatch.delenv(f"TGOSPA_EVAL_{name}")
@@ -967,9 +969,9 @@ def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: 
         (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
         (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
         (("--protect",), "--protect is gone: --against TARGET judges by the suite"),
-        (("--history", "h.jsonl"), "--history is gone: keep the documents"),
+        (("--history", "h.jsonl"), "--history is gone: keep the output of"),
         (("--format", "bencher"), "--format bencher is gone: --format json"),
-        (("--fail-on", "total:+5% best-of-last 20"), "best-of-last is gone: a rule such as"),
+        (("--fail-on", "total:+5% best-of-last 20"), "best-of-last is gone; use a rule such as"),
         (("--against", "main", "--update-baseline"), "leave one of them out"),
     ],
 )
@@ -994,7 +996,7 @@ def test_the_configuration_of_the_branch_hides_no_wrong_target(gate: Invoke) -> 
     ("arguments", "said"),
     [
         (("--seed-label", "sed"), "--seed-label sed: no pattern of a pair has {sed}"),
-        (("--seed-label", "scene"), '"{scene}" has {scene}, in which its runs differ'),
+        (("--seed-label", "scene"), '"{scene}" must not have {scene}, which tells'),
         (("--steps", "0..3"), '--steps "0..3": must be FIRST:LAST'),
     ],
 )

@@ -121,7 +121,7 @@ def test_what_a_bracket_leaves_open_is_undecided(
     answer = invoke("gate", "exact", "open")
     assert answer.status == 4
     assert (
-        "es: undecided: a smaller --epsilon than 1, or --solver certified; run batch with it"
+        "es: undecided: use a smaller --epsilon than 1, or --solver certified; run batch with this"
         in (" ".join(answer.out.split()))
     )
     assert invoke("batch", *files, "-o", "again", "--solver", "certified").status == 0
@@ -157,7 +157,7 @@ def test_a_store_is_the_baseline_of_a_suite(batch: Invoke, invoke: Invoke) -> No
     Path("out/a/1.csv").write_text(rows(3), encoding="utf-8")
     answer = invoke("gate", "--suite", "suite.toml", "-q")
     assert answer.status == 1
-    assert "a/1: total is at least 36, proven, 4.00004 allowed by total:+0.001%" in answer.out
+    assert "a/1: total is at least 36 (proven); total:+0.001% allows 4.00004" in answer.out
     answer = invoke("gate", "--suite", "suite.toml", "--update-baseline")
     assert (answer.status, "is a batch" in answer.err) == (2, True)
 
@@ -216,11 +216,11 @@ WRONG = (
     (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
     (("old",), "no baseline: give one with --baseline FILE; --update-baseline makes this file"),
-    (("old", "new", "--baseline", "b.json"), "name the baseline once"),
+    (("old", "new", "--baseline", "b.json"), "two baselines are given"),
     (("old", "./old"), "./old: is given twice"),
     (("old", "--baseline", "old"), "old: is given twice"),
     (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
-    (("old", "--update-baseline"), "no baseline: name the file to make"),
+    (("old", "--update-baseline"), "no baseline; give the file to write"),
     (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
 )
 

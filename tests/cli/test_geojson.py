@@ -95,4 +95,4 @@ def test_what_is_not_on_the_earth_is_refused(invoke) -> None:
         evaluate(flat, flat, cutoff=1, switch_penalty=1).to_geojson()
     answer = invoke("truth.csv", "estimate.csv", "--geojson")
     assert answer.status == 2
-    assert "--geojson is for the folder of -o" in answer.err
+    assert "--geojson needs -o DIR" in answer.err

@@ -175,15 +175,15 @@ def test_of_a_calibrated_filter_95_percent_are_inside() -> None:
     ("rules", "status", "told"),
     [
         (("nees:1.5..2.5",), 0, ""),
-        (("nees:..1.5",), 1, "1.5 allowed by nees<=1.5"),
-        (("nees:2.9..",), 1, "at least 2.9 allowed by nees>=2.9"),
+        (("nees:..1.5",), 1, "nees<=1.5 allows 1.5"),
+        (("nees:2.9..",), 1, "nees>=2.9 allows at least 2.9"),
         (("nees.inside:0.9..", "nees.anees:..1.2"), 0, ""),
-        (("nees.inside:0.99..,nees:..9",), 1, "at least 0.99 allowed by nees.inside>=0.99"),
-        (("nees:..",), 2, "must be PATH:LEAST..MOST"),
-        (("nees:5..3",), 2, "LEAST is above MOST; write the smaller first"),
-        (("nees:b..9",), 2, "must be PATH:LEAST..MOST"),
-        (("nees.inside:+0.1",), 2, "nees.inside is better when larger: PATH:-N"),
-        (("total:-1",), 2, "total is better when smaller: PATH:+N"),
+        (("nees.inside:0.99..,nees:..9",), 1, "nees.inside>=0.99 allows at least 0.99"),
+        (("nees:..",), 2, "must be a range such as nees:1.5..2.5"),
+        (("nees:5..3",), 2, "the first limit is larger; swap them"),
+        (("nees:b..9",), 2, "must be a range such as nees:1.5..2.5"),
+        (("nees.inside:+0.1",), 2, "nees.inside is better when larger; write PATH:-N"),
+        (("total:-1",), 2, "total is better when smaller; write PATH:+N"),
     ],
 )
 def test_gate_rules_of_absolute_ranges(
@@ -266,7 +266,7 @@ def test_groups_of_a_suite_add_the_sums_up(invoke: Invoke) -> None:
         Path(f"runs/{run_}/sure.csv").replace(f"runs/{run_}/right.csv")
     answer = invoke("gate", "--suite", "suite.toml", "-q")
     assert answer.status == 1
-    assert "allowed by nees<=2.5" in answer.out
+    assert "nees<=2.5 allows" in answer.out
 
 
 # -------------------------------------------------------------------------------------------------

@@ -97,7 +97,7 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "x"), "must be a condition on a column"),
         (("--ignore", "marked"), "truth.csv has no column ignored; for marks of estimates"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
-        (("--ignore", "class=Van", "--by", "class"), "--by class evaluates each class separately"),
+        (("--ignore", "class=Van", "--by", "class"), "cannot be combined with --by class"),
         (("--ignore", "x>1", "--existence", "use"), "cannot be combined"),
         (
             ("--ignore", "outside-truth-steps", "--resample", "1", "--max-gap", "2"),

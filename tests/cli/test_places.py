@@ -151,7 +151,7 @@ def test_particles_are_converted_and_covariances_are_not() -> None:
         ({"estimate_crs": "EPSG:4326"}, "is not projected; for latitudes and longitudes write"),
         ({"estimate_crs": "west"}, "must be lat,lon"),
         ({"estimate_crs": "enu", "origin": "95,1"}, "must be LAT,LON or LAT,LON,ALT"),
-        ({"origin": "1,2"}, "say which is local"),
+        ({"origin": "1,2"}, "needs truth_crs or estimate_crs, such as enu"),
     ],
 )
 def test_wrong_systems_get_a_message(options: dict[str, str], message: str) -> None:
@@ -345,7 +345,7 @@ def test_a_constant_height_shows_no_unit(
 def test_degrees_beside_heights_are_told_and_never_scaled(invoke, tmp_path: Path) -> None:
     files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv"), "--columns", "lat,lon,alt"
     told = invoke(*files, "--distance", "euclidean", "-c", "300", "-g", "100").err
-    assert "lat, lon, alt are compared as plain numbers: degrees are added to others" in told
+    assert "lat, lon, alt are compared as plain numbers: degrees are added to other units" in told
     assert "or use --estimate-scale alt=3.2808" in told
     told = invoke(*files, "--distance", "haversine", "-c", "300", "-g", "100").err
     assert "haversine does not use heights; use --distance geodesic" in told

@@ -169,8 +169,12 @@ def test_parameters_and_distances_that_do_not_follow_from_the_files(
         (("verify", "r", QUICK[0]), 2, "name both files"),
         (("verify", "nowhere"), 3, "nowhere: there is no proof.json in it"),
         (("verify", QUICK[0]), 3, "is a file; name the folder that it is in"),
-        ((*QUICK, "--proof"), 2, "--proof is for the folder of -o"),
-        ((*QUICK, "--proof", "--sweep", "c=1,2", "-o", "r"), 2, "--proof is for one evaluation"),
+        ((*QUICK, "--proof"), 2, "--proof needs -o DIR"),
+        (
+            (*QUICK, "--proof", "--sweep", "c=1,2", "-o", "r"),
+            2,
+            "--proof is not supported with --sweep",
+        ),
     ],
 )
 def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], status: int, message: str) -> None:
@@ -653,7 +657,7 @@ def test_files_of_options_are_those_of_the_command_line(invoke: Invoke, write: W
         assert invoke("verify", "r", *QUICK, option, "mine.csv").status == 1
     answer = invoke("verify", "r", "--ignore-regions", "r.csv")
     assert answer.status == 2
-    assert "--ignore-regions is for TRUTH and ESTIMATE: name both" in answer.err
+    assert "--ignore-regions needs TRUTH and ESTIMATE: name both" in answer.err
 
 
 @pytest.mark.parametrize("name", ["proof.json", "truth.csv"])

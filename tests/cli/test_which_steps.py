@@ -229,8 +229,8 @@ def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) 
     answer = invoke("compare", "truth.csv", "alive.csv", "dead.csv", *clock, "-q")
     assert (answer.status, answer.out) == (2, "")
     assert (
-        "no order: not judged on the same steps and truth (alive, alive.csv: 45 truth states at 15 "
-        "of 15 steps; dead, dead.csv: 30 truth states at 10 of 10 steps); evaluate all on a common "
+        "no ranking: not judged on the same steps and truth (alive, alive.csv: 45 truth states at "
+        "15 of 15 steps; dead, dead.csv: 30 truth states at 10 of 10 steps); evaluate all on a common "
         "clock, --resample, or with"
     ) in answer.err
     gate = ("gate", "truth.csv", "alive.csv", "--baseline", "base.json", *clock, "-q")
@@ -512,7 +512,7 @@ def test_a_tracker_that_says_less_is_never_better(
         assert after.upper_bound >= before.lower_bound
     else:
         assert clock == "interpolated truth"
-        with pytest.raises(ConfigError, match="no order: not judged on the same"):
+        with pytest.raises(ConfigError, match="no ranking: not judged on the same"):
             compare(truth(), {"more": table(states), "less": table(left)}, **options)
 
 

@@ -438,12 +438,11 @@ def _check_options(batch: BatchOptions) -> None:
     """
     options = batch.evaluation
     if batch.proof and not batch.reports:
-        raise ConfigError(f"{option('proof')} is for the folders of {option('reports')}")
-    if options.curve and not (batch.per_step or batch.reports):
         raise ConfigError(
-            f"{option('curve')} is for {option('per_step')}, or for the folders of "
-            f"{option('reports')}"
+            f"{option('proof')} needs {option('reports')}, whose folders hold the proofs"
         )
+    if options.curve and not (batch.per_step or batch.reports):
+        raise ConfigError(f"{option('curve')} needs {option('per_step')} or {option('reports')}")
     for name, about in BatchOptions.settings().items():
         value, known = getattr(batch, name), about.choices
         if known and value not in (None, *known):
@@ -451,8 +450,8 @@ def _check_options(batch: BatchOptions) -> None:
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError(
-            f"{option('scheduler')} has its own workers: {option('workers')} is for processes on "
-            "this machine"
+            f"{option('scheduler')} has its own workers: leave out {option('workers')}, which is "
+            "for this machine"
         )
 
 
@@ -584,7 +583,7 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[batch_row.JobTask
             except KeyError as error:
                 raise ConfigError(
                     f"{option('ignore_regions')} {quoted(chosen.ignore_regions)}: jobs have no "
-                    f"label {quoted(error.args[0])}, but {listed(job.labels)}"
+                    f"label {quoted(error.args[0])}; their labels are {listed(job.labels)}"
                 ) from None
             chosen = replace(chosen, ignore_regions=path)
         folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None

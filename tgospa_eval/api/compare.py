@@ -538,7 +538,7 @@ def solvers_on(
     states = solver_runs.takes_long(prepared) if spare else None
     if states is not None:
         chosen = [solver for solver in solvers if not solver.referee]
-        reason = f"{states:,} reduced states, it may take minutes; "
+        reason = f"with {states:,} reduced states, it may take minutes; "
         reason += f"{option('solvers', ','.join(SOLVERS))} runs it all the same"
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"
@@ -595,7 +595,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     marked = [is_pattern(path) for path in paths]
     if any(marked) and not all(marked):
         path = paths[marked.index(False)]
-        raise ConfigError(f"{path}: has no * for the run, but other results have one")
+        raise ConfigError(f"{path}: has no * in place of the run, but other results have one")
     runs = [
         [saved_result(path) or path for path in (first, *rest)]
         for first, rest in expand(paths[0], paths[1:])

@@ -94,8 +94,8 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
     if pair or (pairwise and inner == "mahalanobis" and path is None and plain):
         if not pairwise or not plain:
             raise ConfigError(
-                f"{option('inner_cov', 'pair')} is not a metric; it is for associate with "
-                "cloud-wasserstein; choose global or a file"
+                f"{option('inner_cov', 'pair')} is not a metric, so only associate with "
+                "cloud-wasserstein has it; choose global or a file"
             )
         return PairCloudWasserstein(**settings)
     try:
@@ -236,7 +236,10 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
             Notice(
                 code="degrees" if mixed or cutoff >= WIDE else "",
                 text=f"{listed(columns)} are compared as plain numbers: "
-                + ("degrees are added to others" * mixed or "c, gamma and errors are in degrees"),
+                + (
+                    "degrees are added to other units" * mixed
+                    or "c, gamma and errors are in degrees"
+                ),
                 remedy=f"{option('distance', 'geodesic' if mixed else 'haversine')} gives metres",
             )
         )

@@ -312,7 +312,9 @@ def _with_faults(
         files = [pair.truth, *map(str, named)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
-            fault = f"{other[0]}: this branch changes it, but {target.where} judges"
+            fault = (
+                f"{other[0]}: this branch changes this file, but {target.where} judges by its own"
+            )
             yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
         # A pair that the baseline lacks is not marked as new if only its seed is new: the baseline
@@ -436,9 +438,8 @@ def _task(
     options = Request.of({**given, **nees})
     if options.outage == "none" and any(rule.absolute for rule in rules):
         raise ConfigError(
-            f"{gate.prefix(pair.name)}{option('outage', 'none')}: limits need all that a tracker "
-            "had to report, but its outages are not counted here; leave out this option or "
-            f"{option('limits')}"
+            f"{gate.prefix(pair.name)}{option('outage', 'none')} cannot be combined with a limit "
+            f"({option('limits')}), because it does not count outages; leave one of them out"
         )
     return JobTask(
         job=pair,
@@ -535,7 +536,9 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     if gate.proof:
         typed.append("proof")
     if typed:
-        raise ConfigError(f"{option(typed[0])}: not for stores, which are compared as they are")
+        raise ConfigError(
+            f"{option(typed[0])}: not for stores, which are compared as they are; leave it out"
+        )
     if gate.sources.get("suite") == "commandline":
         raise ConfigError(f"give a store or {option('suite')}, not both")
     other = second or gate.baseline
@@ -547,11 +550,13 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
         return first, gate.baseline
     if gate.strong("baseline"):
         raise ConfigError(
-            "name the baseline once: OLD_STORE NEW_STORE, or STORE "
+            "two baselines are given; give OLD_STORE NEW_STORE, or STORE "
             f"{option('baseline', metavar='FILE')}"
         )
     if not is_store(second):
-        raise ConfigError(f"{second}: is not a batch, but {first} is; name two stores or one")
+        raise ConfigError(
+            f"{second}: is not the folder of a batch, but {first} is; name one or two such folders"
+        )
     return second, first
 
 

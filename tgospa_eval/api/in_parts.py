@@ -137,7 +137,7 @@ def check_parts(options: Request, why: str, further: Iterable[tuple[str, str]] =
     ]
     requested += ((option(name), advice) for name, advice in further)
     if is_coverage(options.region):
-        requested.append((option("region"), "name ranges of columns, x=-50:50"))
+        requested.append((option("region"), "name ranges of columns, such as x=-50:50"))
     if options.distance is not None and "cloud" in as_distance(options.distance).kinds:
         requested.append(
             (

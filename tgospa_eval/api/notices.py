@@ -31,7 +31,7 @@ def slow_notice() -> Iterator[Notice]:
     """Yield a notice if the kernels are not compiled."""
     if KERNEL == "numpy":
         yield Notice(
-            text="no compiled kernels, slower: installing with a C compiler at hand builds them"
+            text="no compiled kernels, so this is slower; to build them, install with a C compiler"
         )
 
 
@@ -174,7 +174,7 @@ def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]
     gap_note = f"; requested: {result.gap:g}" if resolved.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
-        narrowest = f"; bounds are rounded outward, so gaps below {NARROWEST:g} may not be met"
+        narrowest = f"; bounds are rounded outward, so a gap below {NARROWEST:g} may be impossible"
     yield (
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
         f"{result.relative_gap:.2g}{gap_note}{narrowest}"

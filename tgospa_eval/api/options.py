@@ -37,8 +37,8 @@ RANDOM = (*ITERATED, "systematic", "stratified", "multinomial")
 REDUCTIONS = (*RANDOM, "top")
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
-FILTER_FIRST = "write files of the rows that are to be evaluated"
-RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
+FILTER_FIRST = "write the rows to evaluate to new files first"
+RESAMPLE_FIRST = "resample first: write truth and estimate at common times to new files"
 
 
 _metric = partial(setting, "Metric")

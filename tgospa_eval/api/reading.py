@@ -194,8 +194,8 @@ def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
     )
     yield f"for all {len(names)}: tgospa-eval batch {options} -o results"
     yield (
-        "or judge all by a baseline: tgospa-eval gate --suite FILE, with [[pair]] "
-        f'truth = "{sides[0]}", estimate = "{sides[1]}"'
+        "or judge all by a baseline: tgospa-eval gate --suite FILE, if FILE has [[pair]] with "
+        f'truth = "{sides[0]}" and estimate = "{sides[1]}"'
     )
 
 

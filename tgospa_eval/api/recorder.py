@@ -113,14 +113,15 @@ class Recorder:
             kind, before = _kind(spread), self._kinds.get(name)
             if names and before not in (None, kind):
                 raise InputError(
-                    f"{where}, {name}: {kind}, before {before}; a side has states of one kind"
+                    f"{where}, {name}: {kind}, but {before} in earlier updates; all must be of one "
+                    "kind"
                 )
             if array.shape[1]:
                 size = size or (array.shape[1], f"{name} at t = {t}")
                 if array.shape[1] != size[0]:
                     raise InputError(
-                        f"{where}, {name}: states have {array.shape[1]} components, but {size[0]} "
-                        f"in {size[1]}"
+                        f"{where}, {name}: states have {array.shape[1]} components, but those of "
+                        f"{size[1]} have {size[0]}"
                     )
             sides.append((names, array, spread))
         self._times.append(t)
@@ -139,8 +140,8 @@ class Recorder:
                 later = bool(t > last)
             except (TypeError, ValueError):
                 raise InputError(
-                    f"{where}: {type(t).__name__} after {type(last).__name__} ({last}); all times "
-                    "must have one type"
+                    f"{where}: the time has the type {type(t).__name__}, but the previous one "
+                    f"({last}) has {type(last).__name__}; all times must have one type"
                 ) from None
             if not later:
                 again = "this time was already given" if t == last else "time goes back"
@@ -232,14 +233,16 @@ def _frame(ids: object, states: Any, covariances: object, weights: Any, where: s
             clouds = _particles(states, weights, where)
             return names, clouds.means, clouds
     if weights is not None and names:
-        raise InputError(f"{where}: weights are only for particles, arrays (N, d) for each id")
+        raise InputError(
+            f"{where}: weights are only for particles, which are an array (N, d) for each id"
+        )
     array = np.array(numbers_of(array_of(states, where), where))
     if not array.size and not names:
         return names, np.zeros((0, 0)), None
     if array.ndim != 2 or len(array) != len(names) or not array.shape[1]:
         raise InputError(
-            f"{where}: {len(names)} ids and states of shape {array.shape}; must be (n, d) with a "
-            "row for each id"
+            f"{where}: states of shape {array.shape} for {len(names)} ids; the shape must be "
+            "(n, d), with a row for each id"
         )
     if np.isinf(array).any():
         raise InputError(f"{where}: infinite state; NaN means absent")

@@ -177,8 +177,8 @@ def _resolved(options: Request) -> ResolvedRequest:
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(
-            f"{option('similarity')} is not supported with {option('step_weights')}: the "
-            "score is for the plain mean over steps"
+            f"{option('similarity')} is not supported with {option('step_weights')}, "
+            "because its score weights all steps equally; leave one of them out"
         )
     measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
@@ -354,7 +354,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
     if options.existence == "use":
         raise ConfigError(
             f"{option('existence', 'use')} cannot be combined with {option('ignore')}, "
-            f"{option('ignore_regions')} and {option('preprocess')} NAME:ignore"
+            f"{option('ignore_regions')} or {option('preprocess')} NAME:ignore"
         )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     rules = replace(
@@ -366,23 +366,23 @@ def _ignoring(options: Request) -> "Ignoring | None":
         )
     if options.max_speed is not None and not (rules.gaps and 0 <= speed < math.inf):
         raise ConfigError(
-            f"{option('max_speed', f'{speed:g}')}: must be >= 0 and finite, and is for "
+            f"{option('max_speed', f'{speed:g}')}: must be >= 0 and finite, and needs "
             f"{option('ignore', 'truth-gaps')}"
         )
     if rules.classes and options.by:
         raise ConfigError(
-            f"{option('ignore', 'class=NAME')}: {option('by', 'class')} evaluates each class "
-            f"separately; choose one by {option('class_', metavar='NAME')}"
+            f"{option('ignore', 'class=NAME')} cannot be combined with {option('by', 'class')}; "
+            f"choose one class by {option('class_', metavar='NAME')}"
         )
     made = options.interpolate == "truth" or options.resample is not None
     if made and OUTSIDE in rules.texts:
         raise ConfigError(
-            f"{option('ignore', OUTSIDE)}: the truth is interpolated to other times; "
-            f"{option('ignore', GAPS)} leaves its gaps out"
+            f"{option('ignore', OUTSIDE)} cannot be used with an interpolated truth; "
+            f"{option('ignore', GAPS)} leaves out the gaps of the truth"
         )
     if GAPS in rules.texts and not made:
         raise ConfigError(
-            f"{option('ignore', GAPS)}: is for {option('interpolate', 'truth')} and "
+            f"{option('ignore', GAPS)} needs {option('interpolate', 'truth')} or "
             f"{option('resample')}, whose {option('max_gap')} says what a gap is"
         )
     return rules
@@ -434,8 +434,8 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
     if given == (None, None):
         if options.origin is not None:
             raise ConfigError(
-                f"{option('origin')} is for {option('truth_crs')} and {option('estimate_crs')}; "
-                "say which is local"
+                f"{option('origin')} needs {option('truth_crs')} or {option('estimate_crs')}, such "
+                "as enu for local axes"
             )
         return None
     # lazy: few evaluations convert coordinates

@@ -312,7 +312,7 @@ def read_sequences(path: str) -> list[str]:
     names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
-        raise InputError(f"{path}: has no sequence; a seqmap names one a line")
+        raise InputError(f"{path}: has no sequence; write one sequence per line")
     return names
 
 
@@ -676,12 +676,14 @@ def expand(truth: str, estimates: Sequence[str]) -> Runs:
         return [(truth, list(estimates))]
     if stars and len(stars) < len(marked):
         fielded = next(path for path in marked if path not in stars)
-        raise ConfigError(f"{stars[0]}: has a *, and {fielded} has fields; choose one of them")
+        raise ConfigError(
+            f"{stars[0]}: has a *, but {fielded} has fields; use only * or only fields"
+        )
     for path in paths:
         if path in stars and path.count("*") > 1:
-            raise ConfigError(f"{path}: must have one *, for the run")
+            raise ConfigError(f"{path}: must have a single *, in place of the run")
         if stars and path not in marked and path != truth:
-            raise ConfigError(f"{path}: has no * for the run, but other files have one")
+            raise ConfigError(f"{path}: has no * in place of the run, but other files have one")
     own = ["run"] if stars else _fields(truth)
     for path in estimates:
         missing = [] if stars else [name for name in own if name not in _fields(path)]

@@ -441,12 +441,12 @@ def ranking_document(
         other = next((k for k, digest in enumerate(of_truth) if digest != of_truth[0]), None)
         if wrong and other is not None:
             raise ConfigError(
-                f"no order: the ground truth of {list(entrants)[other]}, {outcomes[other].path}, "
+                f"no ranking: the ground truth of {list(entrants)[other]}, {outcomes[other].path}, "
                 f"has other states, ids or times than that of {outcomes[0].path}; evaluate all "
                 "estimates on the same ground truth"
             )
         if wrong:
-            raise ConfigError(f"no order: {wrong}; {judge_alike()}")
+            raise ConfigError(f"no ranking: {wrong}; {judge_alike()}")
     names, order = list(entrants), parameters["order"]
     steps = [max(item.evaluated_on["steps"], 1) for item in entrants[names[0]]]
     costs = {
@@ -743,7 +743,8 @@ def _ranking(
         own = " ".join(f"{name}={first[LABEL + name]}" for name in rest)
         yield (
             f"{label} is not ranked: no {' and '.join(rest) or 'job'} has a job for each value of "
-            f"{label}; {names[0]} has {own}, {next(k for k in names if k not in known)} does not"
+            f"{label}; {names[0]} has {own}, "
+            f"but {next(k for k in names if k not in known)} does not"
         )
         return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
@@ -776,7 +777,7 @@ def _ranking(
     yield from map(str, about_covariances(items))
 
 
-NO_TEST = "a test needs different runs on both sides, or several truths"
+NO_TEST = "a test needs different runs of both, or several truths"
 
 Totals = tuple[Floats, Floats, Floats]
 """Lower bounds of totals, upper bounds of totals, and numbers of steps, by unit (see `_units`).

@@ -194,7 +194,7 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
         raise ConfigError(
             f"{option('solvers', 'sinkhorn')}: without compiled kernels it solves the same linear "
             "programme as certified, not an approximation; choose certified,exact, or "
-            "install with a C compiler at hand"
+            "install with a C compiler"
         )
     names = list(map(name_of, solvers))
     twice = next((name for name in names if names.count(name) > 1), None)

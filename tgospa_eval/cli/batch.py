@@ -79,7 +79,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     checked_columns(output.columns_of_table)
     if paths[:1] == ("report",):
         if len(paths) != 2:
-            raise click.UsageError("batch report takes one folder: the -o of a batch")
+            raise click.UsageError("batch report takes one folder: that of -o DIR of a batch")
         _check_typed(ctx)
         store = Store(paths[1])
         store.settings()

@@ -90,7 +90,7 @@ def command(
     if "preprocess" in given:
         raise click.UsageError(
             "--preprocess is not supported by explain: what it leaves out changes with the repair; "
-            "remove such objects from the files"
+            "remove those objects from the files"
         )
     if output is None and given & {"apply", "force"}:
         raise click.UsageError(

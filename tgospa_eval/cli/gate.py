@@ -126,7 +126,7 @@ def command(
         raise click.UsageError(removed("gate history"), ctx)
     if ctx.meta.get(IGNORED) and not output.quiet:
         names = ", ".join(ctx.meta[IGNORED])
-        print_notice(f"{names}: ignored, because {options['against']} judges")
+        print_notice(f"{names}: ignored, because the settings of {options['against']} count")
     ctx.exit(_run(GateOptions.of(given), truth, estimate, output))
 
 

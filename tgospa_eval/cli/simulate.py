@@ -279,9 +279,9 @@ def _make_scene(
     probe_folder(folder, kind, force=force, subject=OPTION)
     boxes = format_ != "csv"
     if boxes and state not in (None, "box"):
-        raise ConfigError(f"--state {state}: {format_} files hold boxes; leave it out")
+        raise ConfigError(f"--state {state}: {format_} files hold boxes; leave --state out")
     if particles is not None and state != "cloud":
-        raise ConfigError("--particles is for --state cloud")
+        raise ConfigError("--particles needs --state cloud")
     errors = {field.name: options.pop(field.name) for field in fields(Tracker)}
     scene = Scene(
         state=state or ("box" if boxes else "point"), particles=particles or 100, **options

@@ -95,7 +95,7 @@ def command(
     given = {name: path for name, path in named.items() if path is not None}
     if given and truth is None:
         raise click.UsageError(
-            f"--{OPTION_SPECS[min(given)].key} is for TRUTH and ESTIMATE: name both"
+            f"--{OPTION_SPECS[min(given)].key} needs TRUTH and ESTIMATE: name both files"
         )
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.proof import verify_tgospa
@@ -144,7 +144,7 @@ def _check_tables(
     if "options" not in proof:
         raise InputError(
             f"{folder}: does not record how the files were read, as it was saved from Python; "
-            "name no files, or write it with --proof"
+            "leave out TRUTH and ESTIMATE, or write the proof with --proof"
         )
     options = _options(folder, proof["options"], given)
     try:
@@ -227,7 +227,8 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
     for name, path in given.items():
         if name not in recorded or not names_file(name, recorded[name]):
             raise click.UsageError(
-                f"--{OPTION_SPECS[name].key}: the proof was written without this option"
+                f"--{OPTION_SPECS[name].key}: the proof was written without this option; leave it "
+                "out"
             )
         options[name] = path
     return options

@@ -114,8 +114,8 @@ def load(
     refused = [quoted(name) for name in options if name not in trusted]
     if refused and not named:
         raise ConfigError(
-            f"{path}: only a file named on purpose may set {', '.join(refused)}; if it is yours, "
-            f"use {option('config', path)}"
+            f"{path}: only a file that you name may set {', '.join(refused)}; if you trust this "
+            f"file, use {option('config', path)}"
         )
     return SettingsFile(path=path, named=named, options=options)
 

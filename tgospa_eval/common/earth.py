@@ -44,7 +44,10 @@ def from_crs(text: str, option: str) -> Any:
     try:
         crs = pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.CRSError:
-        raise ConfigError(f"{option} {quoted(text)}: pyproj does not know this system") from None
+        raise ConfigError(
+            f"{option} {quoted(text)}: pyproj does not know this system; write a code such as "
+            "EPSG:32632"
+        ) from None
     if not crs.is_projected:
         raise ConfigError(
             f"{option} {quoted(text)}: is not projected; for latitudes and longitudes write lat,lon"

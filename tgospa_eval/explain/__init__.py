@@ -367,7 +367,7 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
     if "preprocess" in filters:
         raise ConfigError(
             f"{option('preprocess')} is not supported by explain: what it leaves out changes with "
-            "the repair; remove such objects from the files"
+            "the repair; remove those objects from the files"
         )
     is_of_rows = not {"where", "estimate_where"}.isdisjoint(filters)
     moving = ("shift",) if "time" in filters or is_of_rows else ()

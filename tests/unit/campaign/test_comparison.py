@@ -386,9 +386,7 @@ def test_the_interval_of_a_random_tracker_beside_copies(
             write(f"{tracker}/{run}.csv", track(1 / 3, (2 + run) / 7 if tracker == "a" else 3, 0))
     truth, metric = write("t.csv", TRUTH), ("-c", "90", "-g", "1")
     said = invoke("compare", truth, "a/*.csv", "b/*.csv", *metric)
-    assert "a test needs different runs on both sides, or several truths" in " ".join(
-        said.out.split()
-    )
+    assert "a test needs different runs of both, or several truths" in " ".join(said.out.split())
     answer = invoke("compare", truth, "a/*.csv", "b/*.csv", *metric, "--format", "json")
     compared = {item["name"]: item["confidence"] for item in json.loads(answer.out)["estimates"]}
     jobs = "--estimate", "{tracker}/{run}.csv", "-o", "s", "--by", "tracker"
@@ -448,7 +446,7 @@ def test_one_that_stops_after_a_perfect_step_is_not_the_best(
     assert "best first: e, early" in invoke(*asked).out
     answer = invoke(*asked, "--outage", "none")
     assert (answer.status, answer.out) == (2, "")
-    assert "no order: not judged on the same steps and truth (early, " in answer.err
+    assert "no ranking: not judged on the same steps and truth (early, " in answer.err
     assert "1 truth state at 1 of 1 step" in answer.err
     ranked = invoke("compare", *paths, "--grid", "truth", "-q", "-c", "5").out
     assert "best first: e, early" in ranked
@@ -485,7 +483,7 @@ def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) ->
         (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: this run is missing in other patterns"),
         (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
         (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
-        (["1/gt", "1/a"], ["*/gt", "*/*"], "must have one *"),
+        (["1/gt", "1/a"], ["*/gt", "*/*"], "must have a single *"),
         (["gt", "a"], ["gt", "a", "a"], "a.csv: is given twice"),
     ],
 )
@@ -560,7 +558,7 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
     ("paths", "message"),
     [
         (("gt/{run}.csv", "a.csv"), "a.csv: has no {run}, but gt/{run}.csv has it"),
-        (("gt/{run}.csv", "out/*.csv"), "out/*.csv: has a *, and gt/{run}.csv has fields"),
+        (("gt/{run}.csv", "out/*.csv"), "out/*.csv: has a *, but gt/{run}.csv has fields"),
         (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
         (
             ("gt/{run}.csv", "on/{tracker}/{run}.csv"),

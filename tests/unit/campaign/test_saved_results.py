@@ -142,7 +142,7 @@ def test_runs(save: Save, invoke: Invoke) -> None:
     assert ranking(invoke, "a/*")["estimates"][0]["total"] == pytest.approx(5)
     answer = invoke("compare", "a/*", "b/1")
     assert (answer.status, answer.err) == (
-        2, "b/1: has no * for the run, but other results have one\n",
+        2, "b/1: has no * in place of the run, but other results have one\n",
     )  # fmt: skip
 
 
@@ -215,7 +215,7 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 NO_RANKING = (
     (
         ["moved"],
-        "no order: the ground truth of moved, moved/result.json, has other states, ",
+        "no ranking: the ground truth of moved, moved/result.json, has other states, ",
     ),
     (["later"], "states, ids or times than that of a/result.json"),
     (["km"], 'km/result.json: cannot be ranked with m/result.json: unit is "km", but "m" there'),
@@ -256,7 +256,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     answer = invoke("compare", "a", "early")
     assert (answer.status, answer.out) == (2, "")
     assert (
-        "no order: not judged on the same steps and truth (a, a/result.json: 3 truth states at 3 "
+        "no ranking: not judged on the same steps and truth (a, a/result.json: 3 truth states at 3 "
         "of 3 steps; early, early/result.json: 1 truth state at 1 of 1 step)"
     ) in answer.err
     assert "common clock" in answer.err

@@ -359,7 +359,7 @@ def test_other_parameters_are_other_groups_too() -> None:
         (
             pd.DataFrame([job("a", "1", 1.0), job("b", "01", 2.0, truth="gt/1")]),
             "tracker",
-            "no sequence has a job for each value of tracker; a has sequence=1, b does not",
+            "no sequence has a job for each value of tracker; a has sequence=1, but b does not",
         ),
         (table({"a": A}), "tracker", "tracker has only one value: nothing to rank"),
         (

@@ -799,7 +799,7 @@ def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> 
     assert 'id "1" and id "b" at t 0' not in err
     assert "the covariance of the pair is singular, as there are too few" in err
     status, _, err = invoke(*paths, *pair)
-    assert (status, "--inner-cov pair is not a metric; it is for associate" in err) == (2, True)
+    assert (status, "--inner-cov pair is not a metric, so only associate" in err) == (2, True)
 
 
 def test_associate_names_its_own_options(write: Write, invoke: Run) -> None:

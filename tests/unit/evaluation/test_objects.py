@@ -236,17 +236,17 @@ def test_a_loop(arrays: tuple[np.ndarray, np.ndarray], expected: Result) -> None
         ((4, [1], [[0, 0]], [2], [[1, 1]]), "t = 4: time goes back; the previous update was at 5"),
         ((5, [1], [[0, 0]], [2], [[1, 1]]), "t = 5: this time was already given"),
         ((float("nan"), [], [], [], []), "no time"),
-        (("6", [], [], [], []), "str after int"),
+        (("6", [], [], [], []), "the type str, but the previous one .5. has int"),
         (([6], [], [], [], []), "no time"),
         ((6, None, [], [], []), "truth: ids are of the type NoneType"),
         ((6, [1, "1"], [[0, 0], [1, 1]], [], []), 't = 6, truth: id "1" is a duplicate'),
-        ((6, [1], [[0, 0, 0]], [], []), "truth: states have 3 components, but 2 in truth at t = 5"),
-        ((6, [], [], [1], [[0, 0], [1, 1]]), "estimate: 1 ids and states of shape .2, 2."),
-        ((6, [1], [0, 0], [], []), "1 ids and states of shape .2,."),
+        ((6, [1], [[0, 0, 0]], [], []), "3 components, but those of truth at t = 5 have 2"),
+        ((6, [], [], [1], [[0, 0], [1, 1]]), "estimate: states of shape .2, 2. for 1 ids"),
+        ((6, [1], [0, 0], [], []), "states of shape .2,. for 1 ids"),
         ((6, [1], [[np.inf, 0]], [], []), "infinite"),
         ((6, [None], [[0, 0]], [], []), "NoneType, not an id"),
         ((6, [1], [["a", "b"]], [], []), "holds numbers"),
-        ((6, [1], [[1], [1, 2]], [], []), "not an array|ids and states"),
+        ((6, [1], [[1], [1, 2]], [], []), "not an array|for 1 ids"),
     ],
 )
 def test_updates_that_are_refused_leave_nothing(update: tuple, message: str) -> None:
@@ -284,8 +284,8 @@ def test_a_recorder_keeps_covariances_and_particles() -> None:
     assert cloud.evaluate(**own).total == pytest.approx(total, rel=1e-12)
     assert len(cloud.estimate.ids) == 2
     wrong: list[tuple[Recorder, dict[str, Any], str]] = [
-        (cloud, {"estimate": mean[0]}, "estimate: points, before particles; a side has"),
-        (gaussian, {"estimate": mean[0]}, "estimate: points, before states with covariances"),
+        (cloud, {"estimate": mean[0]}, "estimate: points, but particles in earlier updates"),
+        (gaussian, {"estimate": mean[0]}, "estimate: points, but states with covariances"),
         (cloud, {"estimate": points[0], "estimate_weights": weights[0, :, 1:]}, r"weights \(8,\)"),
         (cloud, {"estimate": points[0] * np.inf}, "points must be finite"),
         (

@@ -280,4 +280,4 @@ def test_each_job_of_a_batch_may_have_its_own(write: Write, invoke: Invoke, tmp_
     assert [job["total"] for job in document["jobs"]] == [0.0, 12.5]
     wrong = invoke(*asked, "--ignore-regions", "{sequence}.csv", "-o", str(tmp_path / "w"))
     assert wrong.status == 2
-    assert 'jobs have no label "sequence", but run, tracker' in wrong.err
+    assert 'jobs have no label "sequence"; their labels are run, tracker' in wrong.err

@@ -688,9 +688,9 @@ def test_what_is_wrong_is_said_before_any_work(
 def test_options_of_pictures_need_a_folder(draw: Draw) -> None:
     answer = draw("--style", "paper")
     assert answer.status == 2
-    assert "--style is for the pictures of -o DIR" in answer.err
+    assert "--style needs -o DIR" in answer.err
     answer = draw("--pictures", "png")
-    assert (answer.status, "--pictures is for the pictures of -o DIR" in answer.err) == (2, True)
+    assert (answer.status, "--pictures needs -o DIR" in answer.err) == (2, True)
     assert draw("--pictures", "none").status == 0  # nothing is drawn
 
 

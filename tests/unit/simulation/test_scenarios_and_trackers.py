@@ -359,7 +359,7 @@ def test_a_scene_is_written_anew(invoke, write, tmp_path: Path) -> None:
         (["--false-length", "1_0:20"], "'1_0:20': must be A:B or A, in steps"),
         (["--steps", "1_0"], "'1_0' is no whole number"),
         (["--seed", "-1"], "--seed"),
-        (["--particles", "30"], "--particles is for --state cloud"),
+        (["--particles", "30"], "--particles needs --state cloud"),
         (["--format", "kitti", "--state", "point"], "--state point: kitti files hold boxes"),
     ],
 )

@@ -94,15 +94,15 @@ class Measured:
         """Advice on how to narrow the bracket, depending on how the solver ended."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
-            return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
+            return f"use a larger {option('time_limit')} than {settings['time_limit']:g}"
         if name == "sinkhorn":
             if "bracket is met" in self.status:
                 return (
-                    f"a smaller {option('gap')} than {settings['gap']:g}, or "
+                    f"use a smaller {option('gap')} than {settings['gap']:g}, or "
                     f"{option('solver', 'certified')}"
                 )
             return (
-                f"a smaller {option('epsilon')} than {settings['epsilon']:g}, or "
+                f"use a smaller {option('epsilon')} than {settings['epsilon']:g}, or "
                 f"{option('solver', 'certified')}"
             )
         if name == "exact":
@@ -114,7 +114,7 @@ class Measured:
             )
         if float(str(settings["gap"])) <= ROUNDING_GAP:
             return "the bracket is about as narrow as rounding; let the rule allow more"
-        return f"a smaller {option('gap')} than {settings['gap']:g}"
+        return f"use a smaller {option('gap')} than {settings['gap']:g}"
 
 
 ROUNDING_GAP = 1e-9
@@ -190,7 +190,7 @@ def summary_values(numbers: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _remedy() -> str:
-    return f"repair it, or name another file, which {option('update_baseline')} makes"
+    return f"repair it, or make a new file with {option('update_baseline')}"
 
 
 SCHEMA = "tgospa-eval/baseline/2"
@@ -375,7 +375,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
             if name != "truth_sha256"
         ):
             wrong = f"{CHANGED} truth: states of the truth changed, but not their number or steps"
-        return [*reasons, f"{wrong}; if that is right, renew the baseline"]
+        return [*reasons, f"{wrong}; if you intended this, renew the baseline"]
     return [*reasons, f"{wrong}; {judge_alike()}"] if wrong else reasons
 
 

@@ -163,9 +163,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
             raise ConfigError(f"{option(name)} is for {option('update_baseline')}")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, made by tgospa-eval batch" if path else "no baseline"
-        raise ConfigError(
-            f"{wrong}: name the file to make with {option('baseline', metavar='FILE')}"
-        )
+        raise ConfigError(f"{wrong}; give the file to write: {option('baseline', metavar='FILE')}")
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
@@ -219,7 +217,8 @@ def judge_pairs(
     single = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if single and old and ONLY_PAIR not in old:
         raise ConfigError(
-            f"{path}: is the baseline of a suite ({', '.join(old)}); name {option('suite')}"
+            f"{path}: is the baseline of a suite ({', '.join(old)}); "
+            f"give {option('suite', metavar='FILE')}"
         )
     if groups and not path:
         raise ConfigError(
@@ -312,7 +311,7 @@ def _judge_all(
             if in_group:
                 outcome = replace(outcome, notes=(*outcome.notes, IN_GROUP))
             if pair.is_new:
-                note = "new, not judged: not in the target yet; limits of "
+                note = "new, not judged: the target does not have it yet; limits of "
                 note += f"{option('limits')} only warn"
                 outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, note))
             in_group = pair.in_scene or not pair.is_new
@@ -352,7 +351,7 @@ MAX_PAGES = 200
 """Largest number of pairs for which each pair has a page; with more, passing pairs have none."""
 
 DEAD = (
-    "this night raises the limits, but a dead run still fails, as the run lived in another night",
+    "this night raises the limits, but such a run still fails: it found objects in another night",
     "a baseline with a dead run allows such a run again, and raises the limits",
 )
 """Effect of a dead run on the baseline: if it lived in another night, or in none."""

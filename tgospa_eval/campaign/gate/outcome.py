@@ -252,8 +252,8 @@ def combined_outcome(
 
 
 TIGHTER = (
-    "baseline can be tightened: {} is better than the baseline, by more than the rule would allow "
-    "if it were worse"
+    "baseline can be tightened: {} is better than the baseline, by more than its rule allows it to "
+    "be worse"
 )
 
 
@@ -321,7 +321,9 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
         yield from _parts(now.values, typical(entry))
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
-        again = "; run batch with it into a new folder" if now.stored and "--" in now.remedy else ""
+        again = (
+            "; run batch with this into a new folder" if now.stored and "--" in now.remedy else ""
+        )
         yield f"undecided: {now.remedy}{again}"
     if entry:
         yield from _against(findings, now, typical(entry))
@@ -355,7 +357,7 @@ def _open(gap: float) -> Iterator[str]:
 def _sentences(finding: Finding) -> Iterator[str]:
     rule, now = finding.rule, finding.now
     lower, upper, limit = texts(now.lower, now.upper, finding.limit)
-    allowed = f"{'at least ' * rule.is_minimum}{limit} allowed by {rule.text}"
+    allowed = f"{rule.text} allows {'at least ' * rule.is_minimum}{limit}"
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
         yield f"{warning}{rule.text}: {_absent(finding)}"
@@ -365,11 +367,10 @@ def _sentences(finding: Finding) -> Iterator[str]:
         yield from _inferred(finding, finding.inference, warning)
     elif finding.verdict is Verdict.UNDECIDED:
         about = f"between {lower} and {upper}" if lower != upper else f"{lower} up to rounding"
-        yield f"{warning}{rule.path} is {about}, {allowed}"
+        yield f"{warning}{rule.path} is {about}; {allowed}"
     elif finding.verdict is Verdict.FAIL:
-        known = f"at least {lower}, proven" if now.proven else lower
-        mark = "" if now.proven else " (split, not proven)"
-        yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
+        known = f"at least {lower} (proven)" if now.proven else f"{lower} (split, not proven)"
+        yield f"{warning}{rule.path} is {known}; {allowed}"
 
 
 def _absent(finding: Finding) -> str:
@@ -378,7 +379,7 @@ def _absent(finding: Finding) -> str:
     if names_summary(path):
         return (
             f"the result or the baseline has no {path}: it is not defined, or the baseline is too "
-            f"old; renew it with {option('update_baseline')}"
+            f"old; renew the baseline with {option('update_baseline')}"
         )
     if path not in OF_NEES:
         return f"the result has no {path}"
@@ -400,7 +401,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
     yield (
         f"{warning}{rule.path} of these files is {change}({before} -> {now}"
-        f"{', proven' if finding.proven else ''}), {limit} allowed by {rule.text}"
+        f"{', proven' if finding.proven else ''}); {rule.text} allows {limit}"
     )
     seeds = f"{'the same' if inference.paired else 'other'} seeds"
     runs = f"{counted(inference.runs, 'run')} with {seeds}"

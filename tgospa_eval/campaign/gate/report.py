@@ -193,8 +193,8 @@ def _common(parts: Sequence[Sequence[str]]) -> int:
 
 def accept_title(report: Report) -> str:
     """Return the title of the command that accepts the new values."""
-    until = f"; {report.against} judges until it has this" if report.against else ""
-    return f"To accept this, if it is right{until}"
+    until = f"; {report.against} judges until it has them" if report.against else ""
+    return f"To accept the new values, if they are right{until}"
 
 
 IN_NOISE = "in noise"

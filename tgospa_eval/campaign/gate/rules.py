@@ -320,8 +320,8 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """
     if "best-of-last" in text:
         raise ConfigError(
-            f"{option(name)} {quoted(text)}: best-of-last is gone: a rule such as total:+5% "
-            "judges by the baseline, which does not drift until it is renewed"
+            f"{option(name)} {quoted(text)}: best-of-last is gone; use a rule such as total:+5%, "
+            "which compares with the baseline"
         )
     match = re.fullmatch(_RULE, text.strip())
     slack = _not_negative(match["slack"]) if match else None
@@ -333,8 +333,8 @@ def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     path = _path(match["path"].strip(), name, text)
     relative, less = match["percent"] == "%", match["sign"] == "-"
     if not is_beside(path) if less else path == OF_NEES[-1]:
-        right = "is better when smaller: PATH:+N" if less else "is better when larger: PATH:-N"
-        raise ConfigError(f"{option(name)} {quoted(text)}: {path} {right}")
+        right = "smaller; write PATH:+N" if less else "larger; write PATH:-N"
+        raise ConfigError(f"{option(name)} {quoted(text)}: {path} is better when {right}")
     return Rule(
         text=f"{path}:{match['sign']}{match['slack'].strip()}{match['percent']}",
         path=path,
@@ -356,7 +356,9 @@ def parse_maximum(text: str) -> Rule:
     name, equals, number = text.rpartition("=")
     limit = _not_negative(number)
     if not equals or limit is None:
-        raise ConfigError(f"{option('limits')} {quoted(text)}: must be NAME=VALUE, as tgospa=50")
+        raise ConfigError(
+            f"{option('limits')} {quoted(text)}: must be NAME=VALUE, such as tgospa=50"
+        )
     path = _path(name.strip(), "limits", text)
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, absolute=True)
 
@@ -394,14 +396,14 @@ def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
                 raise ConfigError(
-                    f"{option(name)} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
-                    "PATH:..MOST, as nees:1.5..2.5"
+                    f"{option(name)} {quoted(text)}: must be a range such as nees:1.5..2.5, "
+                    "nees:1.5.. or nees:..2.5"
                 )
             low = sign == "least"
             smallest = (limits or {}).get("least")
             if smallest is not None and limit < smallest:
                 raise ConfigError(
-                    f"{option(name)} {quoted(text)}: LEAST is above MOST; write the smaller first"
+                    f"{option(name)} {quoted(text)}: the first limit is larger; swap them"
                 )
             shown = f"{path}{'>=' if low else '<='}{given[sign]}"
             warns = name == "warn_on"

@@ -387,12 +387,14 @@ def check_labels(name: str, seed: str, labels: Container[str], where: str) -> No
         A label is unknown, or the pattern has the label of the seeds.
     """
     if seed != SEED and seed not in labels:
-        raise ConfigError(f"{where}: no pattern of a pair has {{{seed}}}, in which runs differ")
+        raise ConfigError(f"{where}: no pattern of a pair has {{{seed}}}, which tells runs apart")
     for label in patterns.fields(name):
         if label not in labels:
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
-            raise ConfigError(f"{where}: {quoted(name)} has {{{seed}}}, in which its runs differ")
+            raise ConfigError(
+                f"{where}: {quoted(name)} must not have {{{seed}}}, which tells its runs apart"
+            )
 
 
 def _pairs(

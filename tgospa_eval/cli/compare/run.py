@@ -188,8 +188,8 @@ def compare_estimates(
     solver, *rest = make("certified", str(Sinkhorn.epsilon))
     if rest:
         raise ConfigError(
-            "estimates are ranked with one solver: name one, --solvers certified, or sinkhorn with "
-            "one --epsilon; to compare several solvers, name one estimate and leave out --against"
+            "estimates are ranked with one solver: give --solvers certified, or sinkhorn with one "
+            "--epsilon; to compare several solvers, name one estimate and leave out --against"
         )
     runs, estimates, notices = compared_runs(files[0], files[1:], output.output)
     for text in () if output.quiet else notices:

@@ -148,11 +148,11 @@ def _check(
     """
     for name in click_builder.OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):
-            raise click.UsageError(f"--{name} is for the pictures of -o DIR")
+            raise click.UsageError(f"--{name} needs -o DIR, the folder of the pictures")
     for name in ("proof", "geojson"):
         if name in typed and (sweep or output.output is None):
             raise click.UsageError(
-                f"--{name} is for {'one evaluation' if sweep else 'the folder of -o'}"
+                f"--{name} {'is not supported with --sweep' if sweep else 'needs -o DIR'}"
             )
     for option in _without_proof(chosen) if "proof" in typed else ():
         raise click.UsageError(f"--proof is not supported with {option}: leave one of them out")
@@ -171,13 +171,13 @@ def _check(
         )
     if chosen.explain and chosen.by:
         raise click.UsageError(
-            "--explain evaluates all classes together, not --by class; choose one class by "
-            "--class NAME"
+            "--explain cannot be combined with --by class, because it evaluates all classes "
+            "together; choose one class by --class NAME"
         )
     if chosen.explain and chosen.preprocess:
         raise click.UsageError(
-            "--explain and --preprocess exclude each other: what --preprocess leaves out depends "
-            "on the repair"
+            "--explain cannot be combined with --preprocess, because what --preprocess leaves out "
+            "depends on the repair"
         )
 
 

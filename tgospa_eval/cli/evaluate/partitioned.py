@@ -218,7 +218,7 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         if not output.quiet:
             only_data = differing == ["data"]
             what = "files that have changed since" if only_data else "other data or options"
-            print_notice(f"{log.parent} is of {what}: starting again")
+            print_notice(f"{log.parent} belongs to {what}: starting again")
         return False
     texts = (
         f"{name.replace('_', '-')} was {json.dumps(old.get(name))}, is "

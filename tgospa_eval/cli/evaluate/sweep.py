@@ -107,7 +107,7 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
     text = texts[0]
     name, equals, values = (part.strip() for part in text.partition("="))
     if not equals or name not in SWEPT:
-        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}, with NAME c, p, gamma or rho")
+        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}; NAME is c, p, gamma or rho")
     if ":" in values:
         return SWEPT[name], _range(text, values.split(":"))
     return SWEPT[name], [_number(text, part) for part in values.split(",")]

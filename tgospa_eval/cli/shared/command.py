@@ -63,8 +63,8 @@ WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-in
 REMOVED = {
     "--protect": "--against TARGET judges by the suite, the baseline and the configuration of the "
     "target, whatever this branch changes",
-    "--history": "keep the documents of --format json, one a run",
-    "gate history": "keep the documents of --format json, one a run",
+    "--history": "keep the output of --format json of each run",
+    "gate history": "keep the output of --format json of each run",
     "--format bencher": "--format json has all values",
     "--format github-action-benchmark": "--format json has all values",
 }

@@ -47,7 +47,8 @@ LONG, NEAR = 10.0, 0.01
 stop."""
 
 ADVICE = (
-    "the bounds are within 1 %: Ctrl-C stops with them; --gap and --time-limit stop automatically"
+    "the bounds are within 1 %: Ctrl-C stops and keeps them; --gap and --time-limit stop "
+    "automatically"
 )
 
 
