@@ -242,7 +242,8 @@ def _about_corners(rows: Rows, options: ReadOptions) -> Iterator[Notice]:
     count = np.maximum(np.bincount(track), 1)
 
     def spread(values: Floats) -> Floats:
-        return np.bincount(track, (values - (np.bincount(track, values) / count)[track]) ** 2)
+        mean = (np.bincount(track, values) / count)[track]
+        return np.bincount(track, (values - mean) ** 2).astype(np.float64)
 
     with np.errstate(over="ignore", invalid="ignore"):  # boxes too large for numbers are told later
         size = box[:, 2:] - box[:, :2]

@@ -340,8 +340,9 @@ def with_heights(
         return list(sides)
     have = [bool(one.height) or len(one.trajectories.columns) > 2 for one in there]
     if all(have):
-        columns = [one.trajectories.columns[:2] for one in there]
-        check_heights(list(filter(None, headers)), distance, columns)
+        check_heights(
+            list(filter(None, headers)), distance, [one.trajectories.columns[:2] for one in there]
+        )
     answer: list[Reading | None] = list(sides)
     for k, (one, own, read_by, name) in enumerate(zip(there, options, again, names, strict=False)):
         if one.height and (all(have) or local):

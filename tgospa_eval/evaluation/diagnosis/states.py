@@ -351,7 +351,7 @@ def state_warnings(
 
 
 def _best(
-    sample: Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
+    sample: Sample, changes: Iterable[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
     """Return the change that saves most, with its saving, or None if none is credible.
 
