@@ -17,7 +17,7 @@ weights and prices are those with the best bounds so far. A block is *open* unti
 *Trivial* blocks are solved by `solvers.trivial`.
 
 The *slack of a state* is the value of the best path of its row, minus the value of the best path
-through the state, both at the prices so far. States with a small slack may be part of the optimum.
+through the state, both at the same prices. States with a small slack may be part of the optimum.
 A *programme* is a linear programme that chooses the weights of some states. These are states with a
 slack up to its *reach*, and states that have a weight.
 
