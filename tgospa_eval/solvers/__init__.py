@@ -10,16 +10,16 @@ letters. The following words are used in all files of this folder.
 
 A *node* is a row or a column. An *entry* is a near pair at a step. The *place* of a row at a step
 is a column or "none". A *path* of a row has one place at each step. Its *value* is the sum of its
-gains, minus the prices of the slots on its way, minus its switch prices. The *load* of a slot is
-the sum of the weights of its states. Weights are *feasible* if no load is above 1. A slot is *full*
-if its load is 1. Its *room* is 1 minus its load. The *best* weights and prices are those with the
-best bounds so far. A block is *open* until it is solved. *Trivial* blocks are solved by
-`solvers.trivial`.
+gains, minus its switch prices. Its value *at the prices* v is less by the prices of the slots on
+its way. The *load* of a slot is the sum of the weights of its states. Weights are *feasible* if no
+load is above 1. A slot is *full* if its load is 1. Its *room* is 1 minus its load. The *best*
+weights and prices are those with the best bounds so far. A block is *open* until it is solved.
+*Trivial* blocks are solved by `solvers.trivial`.
 
 The *slack of a state* is the value of the best path of its row, minus the value of the best path
-through the state. States with a small slack may be part of the optimum. A *programme* is a linear
-programme that chooses the weights of some states. These are states with a slack up to its *reach*,
-and states that have a weight.
+through the state, both at the same prices. States with a small slack may be part of the optimum.
+A *programme* is a linear programme that chooses the weights of some states. These are states with a
+slack up to its *reach*, and states that have a weight.
 
 A *sweep* is one pass over all steps forward and one backward (two *half sweeps*), which improves
 prices. It works with *masses*: each row is divided among its paths, and better paths get larger

@@ -66,9 +66,10 @@ def unassigned_costs(states: States) -> Floats:
 def block_costs(states: States, weights: Floats) -> Floats:
     """Return the cost of a proposed assignment in each block, (B,).
 
-    With the weights W of a step and W' of the next one, the cost is the sum over all steps of ``sum
-    W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` (docs/theory/notation.md). The
-    assignment is made feasible first. Objects and tracks without a near pair are left out.
+    With the weights W of a step and W' of the next one, the cost is the sum over all steps of
+    ``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|``
+    (docs/theory/notation.md). The assignment is made feasible first. Objects and tracks without a
+    near pair are left out.
     """
     return feasible_costs(states, repair(states, weights))
 

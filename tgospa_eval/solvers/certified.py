@@ -133,7 +133,7 @@ def _try_steps(ascent: Ascent) -> float:
 def _sweep(
     ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool, unit: float
 ) -> int:
-    """Run stages from high to low temperatures, with programmes between; return the sweeps.
+    """Run stages from high to low temperatures, with programmes between; count the sweeps.
 
     The `unit` of temperatures and reaches is a fraction of c^p. As a rule, the stages begin from
     zero prices. They begin from the current prices in two cases: these are `near` the best prices,

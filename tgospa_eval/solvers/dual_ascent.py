@@ -7,9 +7,9 @@ called *dual*. The gain of the assignment W is called *primal*. The width betwee
 
     Z(v) - P(W) = sum_i (best_i - own_i) + sum_r v_r (1 - load_r).
 
-The first sum is over rows i. best_i is the value of the best path of row i at the prices v. own_i
-is the value of the weights W of row i. The difference is the *regret* of the row. The second sum is
-over column slots r. It is what prices of slots that are not full add to the width.
+The first sum is over rows i. At the prices v, best_i is the value of the best path of row i, and
+own_i is the value of its weights W. The difference is the *regret* of the row. The second sum is
+over column slots r. It is not 0 if slots that have a price are not full.
 
 These bounds only steer the solvers. `problem.certificate` computes the reported bounds again. The
 other words and the letters of array sizes are in `solvers`.

@@ -24,7 +24,7 @@ from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
 FAR_CUTOFF = 2.0**-8
-"""If the scale of a block is at most this, smaller cutoffs are tried before the cutoff c."""
+"""Largest scale of a block for which smaller cutoffs are tried before the cutoff c."""
 
 NEAR_CUTOFF = 2.0**-2
 """Largest scale of any attempt. Blocks that need a larger scale are solved at the cutoff c."""
@@ -39,9 +39,8 @@ CUTOFF_ROOM = 16.0
 STEP, LEAP = 2.0**6, 2.0**1000
 """Factors by which a scale grows if it is too small. An attempt at a smaller cutoff calls
 `solve_at_fitting_cutoffs` again, and this inner call can try still smaller cutoffs. In the first
-attempt of a block, the factor is STEP also in the inner call. In later attempts, the factor of the
-inner call is LEAP, which leads directly to the cutoff of the attempt. The reason is that the
-smaller cutoffs were tried before."""
+attempt of a block, the inner call uses STEP. In later attempts the smaller cutoffs were tried
+before. So the inner call uses LEAP, which leads directly to the cutoff of the attempt."""
 
 
 Base = Callable[[States, Mask, Mask], Solution]

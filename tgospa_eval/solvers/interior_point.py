@@ -2,8 +2,8 @@
 
     maximise  c w - paid r    with  A w - r + s = b,   w, r, s >= 0
 
-The variables w are weights, and s are the slacks of the constraints. Some constraints have a rise r
->= 0, by which they may be exceeded at a price. `solvers.restricted_lp` explains constraint, slack,
+The variables w are weights, and s are the slacks of the constraints. Some constraints have a rise
+r, by which they may be exceeded at a price. `solvers.restricted_lp` explains constraint, slack,
 dual, reduced cost and simplex method.
 
 Below, *numbers* are w, r and s. Each number has a dual >= 0: for w or r the reduced cost, for s the
@@ -71,7 +71,7 @@ bring the products nearer to each other. A correction is kept if the sum of both
 increases by at least BETTER_STEP. A factorisation takes as long as ten corrections."""
 
 NEAR_BOUND = 0.99
-"""Part of the longest step at which all numbers stay >= 0 that is taken."""
+"""Part that is taken of the longest step at which all numbers stay >= 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,10 +142,10 @@ def solve_nearest(
 ) -> tuple[Floats, Floats] | None:
     """Return optimal w (n,), and optimal duals y (m,) that are nearly those nearest to the start.
 
-    `start` has the w and y to start from. The nearest optimal duals minimise ``sum stiff (y -
-    start)^2``. If `exact` is True, the method goes on until only rounding is left, if it can. In
-    any case the mean product is at most `ENOUGH`. The result is None if the computation breaks
-    down, or if `late` returns True.
+    `start` has the w and y to start from. The nearest optimal duals minimise
+    ``sum stiff (y - start)^2``. If `exact` is True, the method goes on until only rounding is left,
+    if it can. In any case the mean product is at most `ENOUGH`. The result is None if the
+    computation breaks down, or if `late` returns True.
     """
     try:
         with np.errstate(all="ignore"):  # NaN and infinities are checked below
@@ -224,10 +224,7 @@ class _Newton:
         return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
-        """Return the corrected steps of numbers and duals, and the largest part of each.
-
-        These are the parts that `steps` returns.
-        """
+        """Return the corrected steps of numbers and duals, and the results of `steps` for them."""
         self.system.factor(self.first, self.second)
         x, d = self.x, self.d
         dx, dd = self.direction(-self.product)

@@ -194,8 +194,8 @@ def make_programme(
         sum_s gain_s w_s - sum_a price_a |change_a|
 
     over states s and transitions a, with weights w >= 0 that sum to at most 1 in every slot.
-    price_a is the switch price of the transition, and change_a its change of weight. Since ``|d| =
-    2 max(d, 0) - d``, one column and one row of A are enough for each transition.
+    price_a is the switch price of the transition, and change_a its change of weight. Since
+    ``|d| = 2 max(d, 0) - d``, one column and one row of A are enough for each transition.
     """
     size = len(free)
     fixed = weights.copy()

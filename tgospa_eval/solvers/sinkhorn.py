@@ -2,15 +2,15 @@
 
 `Sinkhorn` divides each row among its paths pi. The share of a path is its mass theta, and the
 masses of a row sum to 1. At each column slot, the load is the sum of the masses of the paths
-through it, and the *slack of the slot* is sigma = 1 - load. The best masses would be 0 or 1 for
-most paths. The *entropy* sum H(theta) + sum H(sigma), with H(t) = t - t log t, is largest for
-masses that are spread. The sweeps approach the masses that
+through it, and the *slack of the slot* sigma is the part that no path uses. The best masses would
+be 0 or 1 for most paths. The *entropy* sum H(theta) + sum H(sigma), with H(t) = t - t log t, is
+largest for masses that are spread. The sweeps approach the masses that
 
     maximise  sum theta value(pi) + epsilon (entropy).
 
-The temperature epsilon is the weight of the entropy. Each sweep sets the prices so that loads and
-slacks sum to 1 more exactly. The bounds of the result come from the prices and from the assignment
-that is rounded from the masses.
+The temperature epsilon is the weight of the entropy. The prices determine theta and sigma. Each
+sweep changes the prices so that load and sigma of each slot come nearer to a sum of 1. The bounds
+of the result come from the prices, and from the assignment that is rounded from the masses.
 
 `entropic_trace` computes what the problem with entropy itself costs. This *entropic value* is no
 bound of TGOSPA. With row i and column slot r the problem is
@@ -18,9 +18,9 @@ bound of TGOSPA. With row i and column slot r the problem is
     min  cost(theta) + epsilon sum theta log theta + epsilon sum (sigma log sigma - sigma)
     with  sum_pi theta_i,pi = 1 for each row,   load_r + sigma_r = 1 for each slot.
 
-It is the same problem: the missing -theta would only add a constant for each row. The *primal*
-value is the objective at the masses. The *dual* value is a bound of it from the prices. The two
-meet at the optimum. The sweeps of `Sinkhorn` use a part of the states (the working set).
+Except for constants, it is the same problem: the sum of the missing -theta is 1 for each row. The
+*primal* value is the objective at the masses. The *dual* value is a bound of it from the prices.
+The two meet at the optimum. The sweeps of `Sinkhorn` use a part of the states (the working set).
 `entropic_trace` uses all states and slots, so the value does not depend on the algorithm
 (docs/theory/solvers.md, "The entropic value").
 

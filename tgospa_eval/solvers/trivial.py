@@ -226,8 +226,8 @@ def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
 def _assign(gain: Floats) -> tuple[Ints, Floats]:
     """Return an assignment of largest gain, and the lowest column prices that prove it.
 
-    `gain` is (m, n). The results are the column of each row, (m,), -1 for none, and the prices v >=
-    0 of the columns, (n,). Let u[i] be the gain of row i minus the price of its column, or 0
+    `gain` is (m, n). The results are the column of each row, (m,), -1 for none, and the prices
+    v >= 0 of the columns, (n,). Let u[i] be the gain of row i minus the price of its column, or 0
     without a column. The prices prove the assignment if no row would do better in another column:
     gain[i, j] - v[j] <= u[i]. To find them, prices 0 are raised to ``max_i (gain[i, j] - u[i])``
     again and again, until nothing changes (Bellman-Ford). The prices do not grow without end,
