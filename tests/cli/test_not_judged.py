@@ -96,7 +96,7 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "x>a"), '"a" is not a plain, finite number'),
         (("--ignore", "x"), "must be a condition on a column"),
         (("--ignore", "marked"), "truth.csv has no column ignored; for marks of estimates"),
-        (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
+        (("--ignore", "truth-gaps"), "needs --interpolate truth or --resample"),
         (("--ignore", "class=Van", "--by", "class"), "cannot be combined with --by class"),
         (("--ignore", "x>1", "--existence", "use"), "cannot be combined"),
         (
@@ -191,7 +191,7 @@ def test_the_reach_of_a_gap_grows_with_the_speed_that_is_allowed(tmp_path: Path)
     assert again.counts == found[1].counts
     with pytest.raises(ConfigError, match="cannot hold a reach that grows"):
         found[2].proof.save(tmp_path / "proof")
-    with pytest.raises(ConfigError, match="is for ignore"):
+    with pytest.raises(ConfigError, match="needs ignore"):
         evaluate(ship, radar, **options, max_speed=2)
 
 

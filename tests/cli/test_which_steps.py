@@ -119,7 +119,7 @@ def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
     for name, status in (("alive", 0), ("dead", 1)):
         assert invoke(*(part.format(name) for part in gate)).status == status
     answer = invoke(*(part.format("dead") for part in gate), "--outage", "none")
-    assert (answer.status, "its outages are not counted here" in answer.err) == (2, True)
+    assert (answer.status, "it does not count outages" in answer.err) == (2, True)
 
 
 @pytest.mark.parametrize(

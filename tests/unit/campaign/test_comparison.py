@@ -181,7 +181,7 @@ def test_exact_is_left_out_where_it_is_slow(
     monkeypatch.setattr("tgospa_eval.campaign.solver_runs.takes_long", lambda _: 123_456)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--epsilon", "0.1")
-    assert "exact left out: 123,456 reduced states" in answer.out
+    assert "exact left out: with 123,456 reduced states" in answer.out
     asked = invoke("compare", *paths, "--solvers", "exact")
     assert "left out" not in asked.out
 
