@@ -212,7 +212,7 @@ def test_unfinished_jobs_are_named_in_every_output(batch: Invoke, invoke: Invoke
 
 
 WRONG = (
-    (("old", "gt/1.csv"), "gt/1.csv: is not a batch, but old is"),
+    (("old", "gt/1.csv"), "gt/1.csv: is not the folder of a batch, but old is"),
     (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: not for stores"),
     (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: not for stores"),
     (("old",), "no baseline: give one with --baseline FILE; --update-baseline makes this file"),
