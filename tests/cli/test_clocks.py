@@ -208,7 +208,7 @@ def test_times_of_day_beside_dates(date: str, invoke: Invoke, tmp_path: Path) ->
     table = pd.read_csv(path)
     with pytest.raises(InputError, match=r"columns=\('t=date\+time',\) reads it with its date"):
         evaluate(table, table, cutoff=5, switch_penalty=1)
-    with pytest.raises(InputError, match="reads times of day"):
+    with pytest.raises(InputError, match="give the format"):
         evaluate(path, table.assign(date=[[1], [2]]), 5, 2, 1, truth_columns=("t=date+time",))
 
 

@@ -386,7 +386,7 @@ def test_which_folders_and_files_are_read_in_parts(
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
     text = str(tmp_path / "gt.txt")
     Path(text).write_text("1,1,0,0,1,1,1,-1,-1,-1\n")
-    with pytest.raises(ConfigError, match=r'only CSV and Parquet .*: allow memory="180MB"'):
+    with pytest.raises(ConfigError, match=r'only CSV and Parquet .*: set memory="180MB"'):
         in_parts.parts_in_words((text, estimate), Request(memory=1000))
 
     def folder(name: str, *tables: str) -> str:

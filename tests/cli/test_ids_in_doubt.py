@@ -44,7 +44,7 @@ def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
     remedy = ("--truth-columns", "id=CID+TID")
     assert " ".join(remedy) in answer.err
     assert total(invoke(truth, linked, *METRIC, *remedy)) == pytest.approx(8 * 0.25, rel=1e-4)
-    with pytest.warns(TgospaWarning, match="if the numbers restart in each"):
+    with pytest.warns(TgospaWarning, match="if ids restart in each"):
         evaluate(pd.read_csv(truth), linked, cutoff=20, switch_penalty=5)
     table = evaluate(
         pd.read_csv(truth), linked, cutoff=20, switch_penalty=5, truth_columns=("id=CID+TID",)

@@ -133,7 +133,7 @@ def _packed(folder: Path, suffix: str) -> str:
 )
 def test_files_that_unpack_to_more_than_is_allowed(tmp_path: Path, suffix: str, what: str) -> None:
     path = _packed(tmp_path, suffix)
-    message = rf"packed\.{suffix}: {what}, allowed are 0\.002 GB; .* max_input"
+    message = rf"packed\.{suffix}: {what}, but 0\.002 GB are allowed; .* max_input"
     with pytest.raises(InputError, match=message):
         read(path, ReadOptions(max_input=0.002))
     for allowed in (None, 0, 0.1):

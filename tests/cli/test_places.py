@@ -468,7 +468,7 @@ def test_heights_of_both_sides_take_part() -> None:
     assert evaluate(truth, flat, distance="geodesic", **metric).total == 0
     columns = ("lat", "lon")
     assert evaluate(truth, higher, distance="geodesic", columns=columns, **metric).total == 0
-    with pytest.raises(ConfigError, match="both sides have heights"):
+    with pytest.raises(ConfigError, match="both files have heights"):
         evaluate(truth, higher, distance="haversine", **metric)
     utm = pd.DataFrame({"id": "a", "t": range(3), "x": 5e5, "y": 5e6, "height": height})
     system: dict[str, Any] = dict.fromkeys(("truth_crs", "estimate_crs"), "EPSG:32632")
@@ -525,7 +525,7 @@ def test_options_of_one_side_lead_on(invoke: Any) -> None:
     assert "radar.csv, line 1: no column for id" in answer.err
     metric += ("--estimate-columns", "id=trk,x=east_m,y=north_m")
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
-    assert 'line 4, column "lat": 91 must be from -90 to 90; --on-invalid drop leaves' in answer.err
+    assert 'line 4, column "lat": 91 must be from -90 to 90; to leave such rows out' in answer.err
     metric += ("--on-invalid", "drop")
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
     assert "--truth-time-zone UTC or another" in answer.err

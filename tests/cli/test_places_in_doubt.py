@@ -43,9 +43,9 @@ def test_a_place_that_no_row_knows_is_not_taken(
         write(name, header, rows)
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
     assert value(answer) == pytest.approx((12 * 100) ** 0.5, rel=1e-5)
-    assert "the same in all rows, not a known position: centres of boxes are compared" in answer.err
+    assert "the same in all rows, so not a position: centres of boxes are compared" in answer.err
     invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "-o", "done", "--pictures", "none")
-    assert "not a known position: centres of boxes" in Path("done/report.html").read_text(
+    assert "so not a position: centres of boxes" in Path("done/report.html").read_text(
         encoding="utf-8"
     )
     tables = [pd.read_csv(name) for name in ("gt.csv", "res.csv")]
@@ -68,8 +68,8 @@ def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image
     for pair in (("truth.txt", "est.txt"), ("est.txt", "truth.txt")):
         answer = invoke(*pair, "-c", "2", "-g", "1")
         assert value(answer) == pytest.approx((12 * 0.25) ** 0.5, rel=1e-5)
-        assert "not a known position: x, y, z are compared" in answer.err
-        assert ("x, y, z are compared, as of the other side" in answer.err) == image
+        assert "so not a position: x, y, z are compared" in answer.err
+        assert ("x, y, z are compared, as in the other file" in answer.err) == image
     answer = invoke("truth.txt", "est.txt", "--distance", "iou")
     assert answer.status == 3
     assert "0 is not a width of a box" in answer.err
@@ -102,7 +102,7 @@ def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     assert "the same in all rows" not in answer.err
     write("b.csv", "id,t,x,y", [(k, t, -1, -1) for t in range(5) for k in (1, 2)])
     answer = invoke("b.csv", "b.csv", "-c", "1", "-g", "1")
-    assert "warning: b.csv: x, y: the same in all rows, as of an unknown position" in answer.err
+    assert "warning: b.csv: x, y: the same in all rows, as if the position is unknown" in answer.err
 
 
 @pytest.mark.parametrize("mark", [-1, -999, -9999, 9999, -32768, 99999])
@@ -154,7 +154,7 @@ def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
     write("gt.csv", "id,t,x,y", [(k, f, x, y) for f, k, x, y, *_ in boxes()])
     write("res.csv", "frame,id,left,top,width,height,x,y", [(*row, -1, -1) for row in boxes()])
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
-    assert "warning: res.csv: its place is not known, and centres of its boxes" in answer.err
+    assert "warning: res.csv: its positions are unknown, so centres of its boxes" in answer.err
     assert "warning: gt.csv" not in answer.err
 
 
@@ -185,7 +185,7 @@ def test_a_pipe_is_not_read_a_second_time(invoke: Invoke) -> None:
     writer.start()
     answer = invoke("pipe.csv", "res.csv", "-c", "9", "-g", "1")
     writer.join()
-    assert "warning: res.csv: its place is not known, and centres of its boxes" in answer.err
+    assert "warning: res.csv: its positions are unknown, so centres of its boxes" in answer.err
 
 
 def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
@@ -194,7 +194,7 @@ def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
     doubtful = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
     assert "x, y next to w, h may be the corner or the centre of boxes" in doubtful.err
     corner = "left=x,top=y,width=w,height=h"
-    assert f"--estimate-columns {corner} if they are the corner" in doubtful.err
+    assert f"use --estimate-columns {corner} if they are the corner" in doubtful.err
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "--estimate-columns", corner)
     assert value(answer) == pytest.approx((12 * 25) ** 0.5, rel=1e-5)
     assert "beside w, h" not in answer.err
@@ -242,7 +242,7 @@ def test_x_and_y_beside_the_other_corner_are_in_doubt(invoke: Invoke) -> None:
     metric = ("-c", "50", "-g", "10")
     corner = "left=x,top=y,right=x2,bottom=y2"
     doubtful = invoke("gt.csv", "res.csv", *metric)
-    assert f"--estimate-columns {corner} if they are the corner" in doubtful.err
+    assert f"use --estimate-columns {corner} if they are the corner" in doubtful.err
     both = ("--truth-columns", corner, "--estimate-columns", corner)
     answer = invoke("gt.csv", "res.csv", *metric, *both)
     assert value(answer) == pytest.approx((12 * 200) ** 0.5, rel=1e-5)
@@ -363,4 +363,4 @@ def test_data_in_parts_have_the_same_places(invoke: Invoke) -> None:
     assert float(answer.out.split()[2].rstrip(",")) == pytest.approx(90, rel=1e-4)
     assert "heights are compared (alt)" in answer.err
     answer = invoke(*parts, "--distance", "haversine")
-    assert (answer.status, "both sides have heights" in answer.err) == (2, True)
+    assert (answer.status, "both files have heights" in answer.err) == (2, True)

@@ -282,7 +282,7 @@ def test_a_folder_of_tables_without_ids_has_an_object_a_file(invoke: Invoke) -> 
     assert "est: is a folder, not a file" in invoke("gt", "est").err
     write("est.csv", "ID,time,x,y\n1,0,1,1\n")
     answer = invoke("gt", "est.csv", "--estimate-format", "csv-per-object")
-    text = "est.csv: a file of one object has no column id; use the format csv"
+    text = "est.csv: a file of one object must not have a column id; use the format csv"
     assert (answer.status, answer.err.strip()) == (3, text)
     os.mkfifo("gt/pipe.csv")  # which nobody waits for
     assert folder_format("gt") == ""

@@ -34,7 +34,7 @@ def test_no_common_step_is_no_perfect_score(invoke: Run, write: Write) -> None:
     files = write("t.csv", TABLE), write("e.csv", "id,t,x,y\n1,7,0,0\n")
     answer = invoke(*files, "--grid", "common", "--outage", "none")
     assert (answer.status, answer.out) == (2, "")
-    assert "no step is left of 3" in answer.err
+    assert "none of 3 steps is left" in answer.err
     answer = invoke(*files, "--grid", "common", "--format", "json")
     assert '"missed": 0.0' not in answer.out  # the estimate is silent all the time
     assert invoke(*files).status == 0

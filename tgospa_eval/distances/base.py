@@ -385,7 +385,7 @@ def check_columns(
                 sides = (estimate, truth) if local == "truth" else (truth, estimate)
                 zone = _utm_zone(*sides)
                 remedy = (
-                    f"x and y of the {local} seem to be UTM coordinates: "
+                    f"x and y of the {local} seem to be UTM coordinates; if so, use "
                     f"{option(f'{local}_crs', zone)} and {option('distance', 'geodesic')}"
                     if zone
                     else f"if x and y of the {local} are east and north in metres from a point, "
@@ -398,7 +398,7 @@ def check_columns(
             )
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"
-        raise InputError(f"state columns are in different orders: {orders}; use one order")
+        raise InputError(f"state columns are in different orders: {orders}; use one order in both")
 
 
 def _utm_zone(earth: Trajectories, local: Trajectories) -> str:
@@ -458,9 +458,9 @@ def _check_kinds(
     if {"gaussian", "cloud"} <= set(named):
         raise InputError(
             f"{named['gaussian']} has covariances, and {named['cloud']} has particles: the "
-            "distance between a Gaussian and a cloud has no closed form; "
-            f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')} treats a "
-            "cloud as a Gaussian"
+            "distance between a Gaussian and a cloud has no closed form; use "
+            f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')}, which "
+            "treats a cloud as a Gaussian"
         )
     if "cloud" in refused:
         raise InputError(

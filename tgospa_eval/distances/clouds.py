@@ -199,7 +199,7 @@ class OwnCovariance(CloudPairs):
                 raise InputError(
                     f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, "
                     "as there are too few distinct particles; use "
-                    f"{option('inner_cov', 'global')} or a file"
+                    f"{option('inner_cov', 'global')} or {option('inner_cov', metavar='FILE')}"
                 ) from None
             difference = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
             if not self.gating or np.linalg.norm(difference) < cutoff * (1 + SLACK):

@@ -183,7 +183,7 @@ class PairMahalanobis(Distance):
         """
         if sides[0].kind == sides[1].kind == "point":
             raise InputError(
-                "neither side has covariances: mahalanobis needs the columns "
+                "neither file has covariances: mahalanobis needs the columns "
                 f"cov_xx and so on, or {option('covariance', metavar='FILE')}"
             )
         return self

@@ -20,7 +20,9 @@ def _distance(name: str, value: Any) -> "Distance":
     if not isinstance(record, Distance):
         raise TypeError(f"it is {type(record).__name__}, not a Distance")
     if record.name != name:
-        raise ValueError(f"its record has the name {record.name!r}, which must be the same")
+        raise ValueError(
+            f"its record has the name {record.name!r}, not {name!r}: both must be the same"
+        )
     return record
 
 

@@ -101,7 +101,7 @@ def _moved(
     if isinstance(distance, CloudWasserstein) and distance != given:
         raise ConfigError(
             "no derivative is known where the covariance of the particles is taken from the data: "
-            f"name one with {option('inner_cov', metavar='FILE')}"
+            f"give one with {option('inner_cov', metavar='FILE')}"
         )
     if clouds is None:
         slopes = by_particle * change[:, None]

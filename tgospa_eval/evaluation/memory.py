@@ -136,7 +136,7 @@ class Share:
         minimum = main + MIN_SHARE if cluster else max(main + MIN_SHARE, report)
         if limit < minimum:
             raise MemoryTooSmallError(
-                f"data in parts need at least {size_text(minimum)}: allow "
+                f"data in parts need at least {size_text(minimum)}: set "
                 f"{option('memory', size_text(minimum))}"
             )
         return cls(1, limit - main, limit - main, main, tables=True, entry=entry)
@@ -174,8 +174,8 @@ class Share:
             size = size_text(needed + self.fixed)
             raise MemoryTooSmallError(
                 f"one component of nearby objects has {entries:,} near pairs and needs {size} at "
-                f"once: allow {option('memory', size)}, choose a smaller cutoff, or evaluate parts "
-                f"of the recording, by {option('time')}"
+                f"once: set {option('memory', size)}, choose a smaller cutoff, or evaluate parts "
+                f"of the recording with {option('time')}"
             )
         return False
 

@@ -560,8 +560,8 @@ def fit(
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
-            f"{option('grid', time_matching.grid)}: no step is left of {aligned.union:,}; if the "
-            f"clocks differ, see {option('time_tolerance')}"
+            f"{option('grid', time_matching.grid)}: none of {aligned.union:,} steps is left; if "
+            f"the clocks differ, see {option('time_tolerance')}"
         )
     if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
         raise InputError(

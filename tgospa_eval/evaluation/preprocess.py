@@ -116,7 +116,7 @@ def preprocessed(
     if benchmark == "uadetrac":
         if regions is None:
             raise ConfigError(
-                f"{chosen}: needs the regions of the sequence, by {option('ignore_regions')}"
+                f"{chosen}: needs the regions of the sequence; give {option('ignore_regions')}"
             )
     elif truth.format != benchmark:
         raise ConfigError(
@@ -125,7 +125,7 @@ def preprocessed(
         )
     if benchmark == "motchallenge":
         if truth.klass is None:
-            raise ConfigError(f"{chosen}: {names[0]} has no classes, column 8")
+            raise ConfigError(f"{chosen}: {names[0]} has no classes in column 8")
         roles = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
     elif benchmark == "kitti":
         roles = _kitti(truth, estimate, names)
@@ -195,8 +195,8 @@ def evaluated_class(classes: tuple[str, ...] | None, rule: str) -> str:
     if len(requested) != 1 or requested[0] not in NEIGHBOURS:
         given = f", not for {quoted(','.join(classes))}" if classes else ""
         raise ConfigError(
-            f"{option('preprocess', rule)}: is for one class{given}: {option('class_', 'car')} or "
-            f"{option('class_', 'pedestrian')}"
+            f"{option('preprocess', rule)}: is for one class{given}; use {option('class_', 'car')} "
+            f"or {option('class_', 'pedestrian')}"
         )
     return requested[0]
 

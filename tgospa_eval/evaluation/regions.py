@@ -105,7 +105,9 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
         regions = as_regions(text, decimal)
         assert regions is not None
         if not regions.shapes:
-            raise InputError(f"{regions.name}: it has no region, so no row would be left")
+            raise InputError(
+                f"{regions.name}: has no region, so no row would be left; add a region"
+            )
         return regions
 
     row = [part.strip() for part in numbers.split(",")]
@@ -321,7 +323,7 @@ def _contains(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     corners = ring[None, :2] if shape.kind == CAP else np.concatenate(shape.rings)
     if earth and (abs(corners[:, ::-1] if turned else corners) > (90, 360)).any():
         order = "lon, lat" if turned else "lat lon"
-        raise InputError(f"{shape.where}: positions are {order} in degrees; one is out of range")
+        raise InputError(f"{shape.where}: a position is out of range; write {order} in degrees")
     if shape.kind == CAP:
         sides = ((points[:, axis], ring[axis]) for axis in (0, 1))
         near: Mask = Haversine().between(sides) <= ring[2]

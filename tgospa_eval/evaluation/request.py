@@ -161,7 +161,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
     count = max((end - length - begin) // spacing + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(
-            f"{option('every', every.text)}: there are {count:,} windows; at most {MAX_STEPS:,}"
+            f"{option('every', every.text)}: makes {count:,} windows, more than {MAX_STEPS:,}"
         )
     opens = np.append(begin + spacing * np.arange(count, dtype=np.int64), end - length + 1)
     first = np.searchsorted(times, opens)

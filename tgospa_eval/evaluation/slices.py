@@ -391,12 +391,12 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
     there = sorted(offered.union(*known))
     if name == "size":
         return (
-            f"{option('slices', 'size')}: neither side has boxes or columns width and height "
+            f"{option('slices', 'size')}: neither file has boxes or columns width and height "
             f"(there are {listed(there)})"
         )
     return (
         f"{option('slices')} {quoted(name)}: neither file has such a column (there are "
-        f"{listed(there)}); without a column there are {', '.join(DERIVED)}"
+        f"{listed(there)}); slices without a column are {', '.join(DERIVED)}"
     )
 
 
@@ -611,7 +611,8 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     whole = by_attribute[0] if len(by_attribute) == 1 else by_attribute[0].crossed(by_attribute[1])
     if len(whole.names) > MAX_CROSSINGS:
         raise ConfigError(
-            f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices"
+            f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices, more "
+            f"than {MAX_CROSSINGS:,}"
         )
     return whole
 

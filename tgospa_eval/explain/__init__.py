@@ -312,7 +312,7 @@ def explain(
     if sides.alignment.reports is not None:
         raise ConfigError(
             f"explain: repairs are not supported with {option('resample')}, where a report holds "
-            "for several steps; evaluate at the times of the estimate, "
+            "for several steps; evaluate at the times of the estimate, with "
             f"{option('interpolate', 'truth')}"
         )
     without = not_explained(request)

@@ -105,7 +105,7 @@ def _array(path: str, data: bytes) -> Array:
         raise unreadable(path, "npy", error) from None
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
-        what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
+        what = "it has Python objects" if kind.hasobject else f"{there:,} bytes instead of {size:,}"
         raise InputError(f"{path}: not a readable npy file: {what}")
     try:
         values = np.frombuffer(data, kind, offset=stream.tell())
@@ -187,7 +187,7 @@ def array_rows(
     tables = _chosen(tables, chosen, path)
     *shape, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
-        raise InputError(f"{path}: {labels[what]}: no coordinates")
+        raise InputError(f"{path}: {labels[what]}: states have no coordinates")
     first = int(axes is MATLAB)
     if there is None:  # an empty array may have huge axes
         there = np.ones(shape if tables[what].size else (0, 0), bool)
@@ -320,7 +320,7 @@ def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]],
     for name, array in arrays.items():
         kind, _ = kind_of(name)
         if kind in kinds:
-            raise InputError(f"{path}: {kinds[kind][0]} and {name} are alike; leave one out")
+            raise InputError(f"{path}: {kinds[kind][0]} and {name} mean the same; leave one out")
         if kind:
             kinds[kind] = name, array
         else:
@@ -329,7 +329,9 @@ def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]],
     if not has_states(arrays):
         if len(deep) != 1:
             shapes = ", ".join(sized(name, array.shape) for name, array in arrays.items())
-            raise InputError(f"{path}: {shapes}: which are the states? name them x, or particles")
+            raise InputError(
+                f"{path}: {shapes}: none is named as states; name the states x, or particles"
+            )
         kinds["x"] = deep[0], arrays[deep[0]]
         unused.remove(deep[0])
     for kind, (name, array) in kinds.items():

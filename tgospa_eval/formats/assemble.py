@@ -313,7 +313,7 @@ def _about_flags(rows: Rows, state: Floats, mask: Mask) -> Iterator[Notice]:
             and (off == mask & (state == state[at[0]]).all(axis=1)).all()
         ):
             place = ",".join(f"{value:g}" for value in state[at[0]].tolist())
-            text = f"all rows whose {quoted(header)} is 0 are at {place}, as of an unknown position"
+            text = f"all rows whose {quoted(header)} is 0 are at {place}, as if unknown"
             yield Notice(code="not-visible", text=text, remedy=remedy)
             return
     if rows.whole:
@@ -369,7 +369,7 @@ def _about_places(rows: Rows, mask: Mask) -> Iterator[Notice]:
         yield Notice(
             code="no-place",
             text=f"{counted(int(off.sum()), 'row is', 'rows are')} at {number},{number}, far from "
-            "other rows of their tracks, as of an unknown position",
+            "the other rows of their tracks, as if the position is unknown",
             remedy=f"{remedy} leaves them out",
         )
 
@@ -435,7 +435,7 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             code="ids-begin-anew",
             text=f"ids of {quoted(own)} repeat in several values of {quoted(groups[0])}, and "
             "each id counts as one track",
-            remedy=f"{ask(options.option, [f'id={whole_id}'])} if the numbers restart in each",
+            remedy=f"use {ask(options.option, [f'id={whole_id}'])} if ids restart in each",
         )
 
 
@@ -593,7 +593,7 @@ def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) ->
         elif match != name:
             yield f"class {quoted(match)} is read as {quoted(name)}"
         elif variants:
-            yield f"class {quoted(name)} is as written; {quoted(variants[0])} is another class"
+            yield f"class {quoted(name)} does not include {quoted(variants[0])}"
 
 
 class _Choice:
@@ -778,7 +778,7 @@ def _check_states(
         if options.on_invalid == "error" or not droppable:
             left = (choice.mask & ~wrong).any()
             way = (
-                f"; {option('on_invalid', 'drop')} leaves such rows out"
+                f"; to leave such rows out, use {option('on_invalid', 'drop')}"
                 if droppable and left
                 else ""
             )

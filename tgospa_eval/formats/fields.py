@@ -328,7 +328,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
     for row, text in enumerate(texts):
         if known[text][1] != clock:
             raise TimeError(
-                row, f"mixed kinds of time: {quoted(texts[0])} and {quoted(text)}; write all alike"
+                row, f"mixed kinds of time: {quoted(texts[0])} and {quoted(text)}; use one format"
             )
     value = np.array([known[text][0] for text in texts], np.int64)
     return Times(value=value, clock=clock, text=texts)
@@ -376,8 +376,8 @@ def reading_of(text: str) -> str:
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
         return (
-            f"'{shown}' with {option('truth_time_format')} or {option('estimate_time_format')} "
-            "reads times of day"
+            f"give the format '{shown}' with {option('truth_time_format')} or "
+            f"{option('estimate_time_format')}"
         )
     date = DATE.fullmatch(text.strip())
     if date is None:

@@ -20,7 +20,7 @@ from tgospa_eval.quoting import listed
 
 TUM_FIELDS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 YOLO_FIELDS = ("class", "cx", "cy", "width", "height")
-YOLO_RULE = "a line has class, cx, cy, width, height, perhaps confidence, and id"
+YOLO_RULE = "a line must be class cx cy width height [confidence] id"
 
 
 def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
@@ -34,7 +34,7 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
     rows, places = [], []
     for stem, place, words in _lines(path, data, options):
         if len(words) != len(TUM_FIELDS):
-            raise InputError(f"{path}, {place}: not 8 numbers: {' '.join(TUM_FIELDS)}")
+            raise InputError(f"{path}, {place}: must have 8 numbers: {' '.join(TUM_FIELDS)}")
         rows.append([stem, *words])
         places.append(place)
     return pd.DataFrame(rows, columns=["id", *TUM_FIELDS], index=places)
@@ -59,7 +59,7 @@ def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: boo
             raise InputError(f"{file}: not a CSV table: {' '.join(str(error).split())}") from None
         if any(column.strip().casefold() == "id" for column in table.columns):
             remedy = "remove it" if os.path.isdir(path) else "use the format csv"
-            raise InputError(f"{file}: a file of one object has no column id; {remedy}")
+            raise InputError(f"{file}: a file of one object must not have a column id; {remedy}")
         table.insert(0, "id", os.path.splitext(name)[0])
         tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
     return pd.concat(tables)
@@ -81,7 +81,9 @@ def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
     for stem, place, words in _lines(path, data, options):
         frame = re.fullmatch(r"(.*?)(\d+)", stem)
         if frame is None:
-            raise InputError(f"{path}, {place}: the file name must end in the frame number, clip_7")
+            raise InputError(
+                f"{path}, {place}: the file name must end in the frame number, as clip_7"
+            )
         names.add(frame[1])
         has_id = len(words) in (6, 7) and words[-1].isdigit()
         if not has_id or not all(map(is_number, words)):

@@ -342,7 +342,7 @@ def id_text(value: object, name: str) -> str:
         raise InputError(f"{name}: an id is {_other(value, 'an id')}")
     text = _name(value)
     if not text or text in ("nan", "NaT"):
-        raise InputError(f"{name}: blank id; name the object")
+        raise InputError(f"{name}: blank id; give the object an id")
     return text
 
 

@@ -86,8 +86,8 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
     if size > allowed * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
-            f"{path}: {what}: reading it needs about {needed:.2g} GB, {kind} are {allowed:.2g} GB"
-            f"{more_memory()}"
+            f"{path}: {what}: reading it needs about {needed:.2g} GB, but {allowed:.2g} GB are "
+            f"{kind}{more_memory()}"
         )
 
 

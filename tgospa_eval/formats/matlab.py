@@ -315,7 +315,7 @@ def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) 
     try:
         return call_in_helper(work, path, file_of(path), data, *more)
     except DiedError as error:
-        why = f"it ended the process that read it ({error}): it is damaged, or memory is short"
+        why = f"reading it failed ({error}): it is damaged, or memory is short"
         raise InputError(f"{path}: not a readable MAT file: {why}") from None
     except OSError as error:
         raise ConfigError(
@@ -454,7 +454,9 @@ def _by_step(fields: Structure, name: str) -> Structure:
         rows.append((k, at, state))
     sizes = {len(state) for *_, state in rows} or {2}
     if len(sizes) > 1:
-        raise InputError(f"{name}.{STATES}: states of {listed(sorted(map(str, sizes)))} components")
+        raise InputError(
+            f"{name}.{STATES}: different numbers of components: {listed(sorted(map(str, sizes)))}"
+        )
     made = np.full((*sizes, len(steps), len(tracks)), np.nan)
     for k, at, state in rows:
         made[:, k, at] = state
@@ -549,8 +551,8 @@ class _Sets:
             key = next(iter(self.there)) if len(self.there) == 1 else default
             if key not in self.there:
                 raise InputError(
-                    f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say "
-                    f"which, {path}:{self._firsts()[0]}"
+                    f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); name "
+                    f"one, such as {path}:{self._firsts()[0]}"
                 )
         parts = re.fullmatch(r"(\w+)(?:[{(]([0-9]+)[)}])?", key)
         name, place = parts.groups() if parts else (key, None)
@@ -592,7 +594,7 @@ class _Sets:
         if name == other:
             rest = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
-                f"{self.file}: both sides are its variable {name}; it has "
+                f"{self.file}: both paths mean its variable {name}; it has "
                 f"{listed(self.variables)}; name both, {self.file}:{name} {self.file}:{rest[0]}"
             )
 

@@ -322,7 +322,7 @@ def components_of(
         return [[index(item) for item in side] for side in pair]
     except TypeError:
         raise ConfigError(
-            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of these"
+            f"mapping is {mapping!r}: must be components, such as (0, 2), or a pair of such tuples"
         ) from None
 
 
@@ -372,7 +372,7 @@ def _axis_of(dim: object, name: str) -> str:
         if word in words or word.removesuffix("s") in words:
             return letter
     known = ", ".join(words[0] for words in NAMED_AXES.values())
-    raise InputError(f"{name}: a dimension {quoted(str(dim))}; known names are {known}")
+    raise InputError(f"{name}: unknown dimension {quoted(str(dim))}; known names are {known}")
 
 
 def _has_named_axes(side: object) -> bool:
@@ -413,7 +413,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
         return side
     axes = {dim: _axis_of(dim, name) for dim in side.dims}
     if "T" not in axes.values() or "R" in axes.values():
-        what = "no time" if "T" not in axes.values() else "runs, which compare and batch accept"
+        what = "no time" if "T" not in axes.values() else "only compare and batch accept runs"
         raise InputError(f"{name}: dimensions {', '.join(map(str, axes))}: {what}")
     arrays: dict[str, Any] = {}
     columns: dict[str, Any] = {}
@@ -433,7 +433,7 @@ def with_plain_axes(side: Any, name: str) -> Any:
             kind = "weights"
         if kind in arrays:
             raise InputError(
-                f"{name}: {key} is not the only variable of these dimensions; choose one"
+                f"{name}: {key} and another variable have the same dimensions; choose one"
             )
         if kind or values.dtype.kind in "iuf":
             (arrays if kind else columns)[kind or str(key)] = values
@@ -679,7 +679,7 @@ def of_timed_array(
     if len(times.value) != len(made.times):
         raise InputError(
             f"{name}: {len(times.value)} times and {len(made.times)} steps of the array (T, k, d); "
-            "one time for each step"
+            "give one time for each step"
         )
     if (np.diff(times.value) <= 0).any():
         raise InputError(f"{name}: times must increase strictly")
@@ -907,7 +907,8 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
     if frame is None and isinstance(given, (np.ndarray, list, tuple)):
         if np.ndim(given) != 1:
             raise InputError(
-                f"{GIVEN}: an array of shape {np.shape(given)}; it must be (T,), a weight a step"
+                f"{GIVEN}: an array of shape {np.shape(given)}; it must be (T,), one weight per "
+                "step"
             )
         frame = pd.DataFrame({"t": np.arange(len(given)), "weight": given})
     if frame is None:
@@ -925,7 +926,9 @@ def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
     columns = {str(name): frame[name] for name in frame.columns}
     missing = [name for name in ("t", "weight") if name not in columns]
     if missing:
-        raise InputError(f"{GIVEN}: no column {missing[0]}; it has t, weight and switch_weight")
+        raise InputError(
+            f"{GIVEN}: no column {missing[0]}; needed are t and weight, optional is switch_weight"
+        )
     times = frame_times(columns["t"], GIVEN)
     again = repeated(times.value)
     if again is not None:
@@ -1049,8 +1052,8 @@ def _read_file(
     reading = by_place(read_by, options)
     if format is None and chosen not in ("csv", "wide"):
         notice = (
-            f"read as {chosen}, by its name and content; {option(f'{role}_format')} to say "
-            "otherwise"
+            f"read as {chosen}, by its name and content; to change this, use "
+            f"{option(f'{role}_format')}"
         )
         reading = replace(reading, notices=(notice, *reading.notices))
     return reading

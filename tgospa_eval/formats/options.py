@@ -200,7 +200,7 @@ class TimeRange:
         if clock != self.clock and len(times):
             raise ConfigError(
                 f"{option('time', self.text)}: {CLOCKS[self.clock]}, but {where} has "
-                f"{CLOCKS[clock]}; write the range alike"
+                f"{CLOCKS[clock]}; write the range like these times"
             )
         keep = np.ones(len(times), bool)
         for end, is_low in ((self.low, True), (self.high, False)):

@@ -245,13 +245,13 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
         other = read_by(replace(options, hidden=reading.idle))
         if other.taken and not other.idle:
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
-            text = f"{fault}, not a known position: {place} are compared"
+            text = f"{fault}, so not a position: {place} are compared instead"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
     if not (reading.trajectories.state == -1).all():  # other numbers may be positions
         return read_by(replace(options, hidden=("",))) if reading.centres else reading
     warning = Notice(
         code="no-place",
-        text=f"{fault}, as of an unknown position",
+        text=f"{fault}, as if the position is unknown",
         remedy=f"name the columns of positions, {option('columns', 'x=HEADER,y=HEADER')}",
     )
     return replace(reading, warnings=(*reading.warnings, warning))
@@ -288,15 +288,15 @@ def by_one_place(
                 other = read_by(replace(own, hidden=hidden))
                 if other.taken or not one.taken:
                     place = listed(other.trajectories.columns)
-                    text = f"{place} are compared, as of the other side"
+                    text = f"{place} are compared, as in the other file"
                     one = replace(other, notices=(text, *other.notices))
         answer.append(one)
     unlike = len({one.centres for one in answer if one is not None}) > 1
     warning = Notice(
         code="no-place",
-        text="its place is not known, and centres of its boxes are compared with points of the "
-        "other side",
-        remedy=f"name the columns of both, {option('truth_columns')} and "
+        text="its positions are unknown, so centres of its boxes are compared with points of the "
+        "other file",
+        remedy=f"name the columns of positions, {option('truth_columns')} and "
         f"{option('estimate_columns')}",
     )
     return [
@@ -349,7 +349,7 @@ def with_heights(
             if read_by is None:
                 raise ConfigError(
                     f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
-                    "name all states, or leave them out by "
+                    "name all state columns, or leave heights out by "
                     f"{option(own.option or 'columns', ','.join(one.trajectories.columns))}"
                 )
             high = read_by(replace(own, heights="use"))
@@ -395,7 +395,7 @@ def in_one_spelling(truth: Reading, estimate: Reading) -> Reading:
         match = class_named(name, there) or name
         is_only = sum(is_alike(match, other) for other in estimate.classes) == 1
         if match != name:
-            way = "read as" if is_only else "as written, another class than"
+            way = "read as" if is_only else "not the same class as"
             notices.append(f"class {quoted(name)} is {way} {quoted(match)}")
         classes.append(match if is_only else name)
     own, lost = ([*filter(None, {*a} - {*b})] for a, b in ((classes, there), (there, classes)))
@@ -427,7 +427,7 @@ def check_heights(headers: Sequence[str], distance: str, columns: Sequence[Seque
     if distance == "haversine":
         ways = [option(f"{r}_columns", ",".join(c)) for r, c in zip(ROLES, columns, strict=True)]
         raise ConfigError(
-            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), but "
+            f"both files have heights ({listed(list(dict.fromkeys(headers)))}), but "
             f"{option('distance', 'haversine')} ignores heights; use "
             f"{option('distance', 'geodesic')}, or leave heights out with {' '.join(ways)}"
         )

@@ -366,7 +366,7 @@ LARGEST_PLACE = 1e300
 
 NO_POINTS = "without a lidar or radar point left out, as by the rules of nuScenes"
 NOT_TRACKED = "of categories that are not tracked left out"
-NO_OBJECT = "for samples without an object, which are steps all the same"
+NO_OBJECT = "for samples without an object, which also count as steps"
 
 
 class _Object(NamedTuple):

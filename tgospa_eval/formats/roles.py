@@ -426,7 +426,7 @@ def find_roles(
     state = tuple(mix for mix in by_name.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         fault = absent(headers, (identity, time), by_name)
-        raise InputError(f"{fault}; this format has no other" if fixed else fault)
+        raise InputError(f"{fault}; this format has no more columns" if fixed else fault)
     state = _along(options.axes, headers, by_name)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
@@ -678,7 +678,7 @@ class _Mixes:
                     code="corner-or-centre",
                     text=f"{listed(names[:2])} next to {listed(names[2:])} may be the corner or "
                     "the centre of boxes, and are compared as they are",
-                    remedy=f"{ask(self.headers.option, corner)} if they are the corner"
+                    remedy=f"use {ask(self.headers.option, corner)} if they are the corner"
                     + or_centre * (edges == BOX),
                 )
                 return

@@ -146,7 +146,7 @@ def find_spread(
             if i == j and not entry:
                 header = label if spread.deviations else spelt(i, i, names)[0]
                 raise InputError(
-                    f"{where}: no column {label}, but others of the covariance; add it, map it "
+                    f"{where}: no column {label}, but other covariance columns; add it, map it "
                     f"with {option('columns', f'{header}=HEADER')}, "
                     f"or choose state columns with {option('columns')}"
                 )

@@ -97,8 +97,9 @@ class SideSummary(Reading):
         idle = {tuple(block["idle"]) for block in blocks if block["idle"] is not None}
         if len(idle) == 1 and (names := next(iter(idle))):
             raise InputError(
-                f"{side.path}: {listed(names)}: the same in all rows, as of an unknown "
-                f"position; name the columns of positions, {ask(side.options.option, ['x=HEADER'])}"
+                f"{side.path}: {listed(names)}: the same in all rows, as if the position "
+                "is unknown; name the columns of positions, "
+                f"{ask(side.options.option, ['x=HEADER'])}"
             )
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(

@@ -210,7 +210,7 @@ def find_steps(
     if matching.of_estimate:
         axis = replace(axis, horizon=grid.truth)
     if grid.union and not len(grid.truth.times):
-        raise ConfigError(f"{option('grid', matching.grid)}: no step is left of {grid.union:,}")
+        raise ConfigError(f"{option('grid', matching.grid)}: none of {grid.union:,} steps is left")
     if matching.of_estimate and matching.outage != "none":
         raise ConfigError(
             f"{option('grid', matching.grid)}: for data in parts it is not known what a tracker "

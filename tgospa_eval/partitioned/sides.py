@@ -329,7 +329,7 @@ def steps_of(store: str) -> SideSteps:
         if not all(
             Path(run).resolve().is_relative_to(Path(store).resolve()) for run in known["runs"]
         ):
-            raise ValueError("runs beside the folder")
+            raise ValueError("runs outside of the folder")
         known["ends"] = np.array(known["ends"]).reshape(-1, 2)
         arrays: dict[str, Any] = {
             key: np.load(path, mmap_mode="r") if path.exists() else None

@@ -121,7 +121,7 @@ class Pictures:
     def __post_init__(self) -> None:
         odd = [name for name in self.formats if name not in FILES]
         if odd:
-            raise ConfigError(f"pictures {quoted(odd[0])}: must be of {', '.join(FILES)}, or none")
+            raise ConfigError(f"pictures {quoted(odd[0])}: must be {', '.join(FILES)}, or none")
         if self.style not in STYLES:
             raise ConfigError(f"style {quoted(self.style)}: must be one of {', '.join(STYLES)}")
         chosen = PARTS if self.components is None else self.components

@@ -596,8 +596,8 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
         if origin is None or "truth_crs" not in compared.settings:
             raise ConfigError(
                 f"{option('geojson')} needs places on the Earth, and the states are "
-                f"{','.join(columns)}: {option('truth_crs')}, {option('estimate_crs')} and "
-                f"{option('origin')} say where they are"
+                f"{','.join(columns)}; give {option('truth_crs')}, {option('estimate_crs')} and "
+                f"{option('origin')}"
             )
         states = on_earth(states[0], origin), on_earth(states[1], origin)
     first, second = (

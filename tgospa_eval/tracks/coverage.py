@@ -93,8 +93,8 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
     """
     if OWN_MARKS in rules:
         raise ConfigError(
-            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, as a "
-            "tracker would choose itself what is not evaluated; mark the truth "
+            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, or the "
+            "tracker would choose what is not evaluated; mark the truth "
             f"({option('ignore', MARKED)}) or give {option('ignore_regions')}"
         )
 
@@ -121,7 +121,7 @@ NO_SUMS = (0,) * (1 + len(LANES))
 def judge_alike() -> str:
     """Return, for messages, what the user can do to make values comparable."""
     ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
-    return f"evaluate all on a common clock, {ways}"
+    return f"evaluate all on a common clock, by {ways}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -287,7 +287,8 @@ class Frames:
         if side.covariance is not None:
             raise InputError(
                 f"{name}: has covariances, which are not converted to other coordinates; compare "
-                f"means with another {option('distance')}, or write both files in one frame"
+                f"means with another {option('distance')}, or write both "
+                "files in one coordinate system"
             )
         for k, what, low, high in LIMITS.get(frame.kind, ()):
             if k >= len(wanted) or not len(side.state):
@@ -307,7 +308,7 @@ class Frames:
             places = self._converted(states, frame, len(columns))
             if not np.isfinite(places).all():
                 raise InputError(
-                    f"{frame.option} {frame.text}: some places are outside of this frame"
+                    f"{frame.option} {frame.text}: some positions are outside of its area"
                 )
             return places
 

@@ -808,7 +808,7 @@ def test_associate_names_its_own_options(write: Write, invoke: Run) -> None:
     assert (status, "(--a-format, --b-format)" in err, "truth" in err) == (3, True, False)
     status, _, err = invoke("associate", boxes, boxes, "-c", "4")
     assert status == 0
-    assert ["-format to say" in err, "--a-format" in err, "--b-format" in err] == [True] * 3
+    assert ["to change this, use" in err, "--a-format" in err, "--b-format" in err] == [True] * 3
     status, _, err = invoke("reduce", empty, "out.csv", "-n", "1")
     assert (status, "(--in-format)" in err) == (3, True)
 
@@ -897,7 +897,9 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     before = read_trajectories(path)
     after = read_trajectories(tmp_path / "out.parquet")
     assert after.clouds.counts.tolist() == [10]
-    assert "--in-format to say otherwise" in invoke("reduce", "out.parquet", "p.npz", "-n", "9").err
+    assert (
+        "to change this, use --in-format" in invoke("reduce", "out.parquet", "p.npz", "-n", "9").err
+    )
     assert row["wasserstein"] == pytest.approx(
         cloud_wasserstein(*before.clouds[0], *after.clouds[0])
     )
@@ -1037,7 +1039,7 @@ def test_associate_by_the_covariances_of_each_pair(write: Write, invoke: Run) ->
     status, out, _ = invoke("associate", points, a, *options, "--format", "csv")
     assert float(out.splitlines()[1].split(",")[3]) == pytest.approx(12.5**0.5)  # 9/2 + 4/0.5
     status, _, err = invoke("associate", points, points, *options)
-    assert (status, "neither side has cov" in err) == (3, True)
+    assert (status, "neither file has cov" in err) == (3, True)
     line = write("l.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n5,0,3,2,1,1,1\n")
     status, _, err = invoke("associate", points, line, *options)
     assert (status, 'id "7" and id "5" at t 0: the covariance of the pair is' in err) == (3, True)

@@ -685,12 +685,12 @@ REFUSED = {
     ),
     "no diagonal": (
         "id,t,x,y,cov_xx,cov_xy\n",
-        "{path}, line 1: no column cov_yy, but others of the covariance; add it, map it with "
+        "{path}, line 1: no column cov_yy, but other covariance columns; add it, map it with "
         "--columns cov_yy=HEADER, or choose state columns with --columns",
     ),
     "no deviation": (
         "id,t,x,y,std_x\n",
-        "{path}, line 1: no column std_y, but others of the covariance; add it, map it with "
+        "{path}, line 1: no column std_y, but other covariance columns; add it, map it with "
         "--columns std_y=HEADER, or choose state columns with --columns",
     ),
     "negative deviation": (

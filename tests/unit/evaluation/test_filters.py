@@ -177,7 +177,9 @@ def test_one_guard(tmp_path: Path) -> None:
     ):
         for verb in (evaluate, associate):
             moments = given | {"distance": "gaussian-wasserstein"}
-            with pytest.raises(InputError, match=r'mixed="moments" treats a cloud as a Gaussian'):
+            with pytest.raises(
+                InputError, match=r'mixed="moments", which treats a cloud as a Gaussian'
+            ):
                 verb(*sides, **moments)
             assert verb(*sides, **moments, mixed="moments").total > 0
             for wrong in ((sides[0], sides[0]), (sides[0], sides[1])):

@@ -257,7 +257,7 @@ def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
 @pytest.mark.parametrize(
     ("rule", "words", "message"),
     [
-        ("kitti", (), "is for one class: --class car or --class pedestrian"),
+        ("kitti", (), "is for one class; use --class car or --class pedestrian"),
         ("kitti", ("--class", "Van"), 'is for one class, not for "Van"'),
         ("kitti", ("--class", "Car,Van"), 'is for one class, not for "Car,Van"'),
         ("kitti:ignore", ("--class", "car", "--by", "class"), "leave out --by class"),

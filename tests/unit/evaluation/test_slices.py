@@ -357,7 +357,7 @@ def test_ties_are_said() -> None:
         ("lane=0:1", r'has texts \(L, R\), which have no edges; slices="lane" makes'),
         ("lane=weight", r"has texts \(L, R\), which have no weight"),
         ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),
-        ("size", "neither side has boxes or columns width and height"),
+        ("size", "neither file has boxes or columns width and height"),
         ("range@a=0:1", "the point behind @ must be numbers"),
         ("range@0,0,0=0:1", "the point has 3 numbers, positions have 2"),
         ("region", "must name ranges of columns"),

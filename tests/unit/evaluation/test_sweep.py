@@ -195,7 +195,7 @@ def test_values_of_a_sweep(text: str, name: str, values: list[float]) -> None:
         (["--sweep", "cutoff=1,2", "--by", "class"], "choose one class by --class"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--components", "false"], "--components is not for"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--plane", "x,y"], "--plane is not for"),
-        (["--sweep", "cutoff=1,2", "-o", "x", "--pictures", "gif"], 'pictures "gif": must be of'),
+        (["--sweep", "cutoff=1,2", "-o", "x", "--pictures", "gif"], 'pictures "gif": must be'),
     ],
 )
 def test_wrong_sweeps(invoke: Invoke, quickstart: Pair, arguments: list[str], part: str) -> None:

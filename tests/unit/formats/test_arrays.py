@@ -106,8 +106,8 @@ def zipped(name: str, content: bytes) -> bytes:
     [
         ("a.npy", b"", "is empty"),
         ("a.npy", npy(np.zeros((2, 2))), r"shape \(2, 2\); states have the axes \(T, k, d\)"),
-        ("a.npy", npy(SQUARE)[:-1], "63 bytes where 64 should be"),
-        ("a.npy", HUGE, "64 bytes where 3,168 should be"),
+        ("a.npy", npy(SQUARE)[:-1], "63 bytes instead of 64"),
+        ("a.npy", HUGE, "64 bytes instead of 3,168"),
         ("a.npy", npy(SQUARE)[:40], "not a readable npy file"),
         ("a.npy", b"\x93NUMPY\x09\x00" + bytes(99), "not a readable npy file"),
         ("a.npy", npy(np.full((1, 1, 1), None)), "Python objects"),
@@ -116,7 +116,7 @@ def zipped(name: str, content: bytes) -> bytes:
             npy(SQUARE.astype(complex)),
             "states of type complex128; it must be of real numbers",
         ),
-        ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: no coordinates"),
+        ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: states have no coordinates"),
         ("a.npy", npy(SQUARE + np.inf), 'trajectory 0, step 0, column "x": infinite'),
         ("a.npy", header(10**18, 0, 2), "not a readable npy file: array is too big"),
         ("a.npy", header(10**9, 0, 2 * 10**9, kind="|b1"), "0 x 2000000000: too large for memory"),
@@ -134,7 +134,7 @@ def zipped(name: str, content: bytes) -> bytes:
             '"xl/sheet1.xml" in it is not an array; .* as CSV',
         ),
         ("a.npz", b"id,t,x,y\n1,2,3,4\n", "a readable npz file; numpy.savez writes one"),
-        ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
+        ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: none is named as states"),
         (
             "a.npz",
             npz(a=SQUARE, weight=[1]),

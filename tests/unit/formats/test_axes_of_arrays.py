@@ -116,7 +116,7 @@ def changed(spread: Any) -> dict[str, Any]:
             {"x": STATES[:, 0], "t": BESIDE["t"]},
             "x 5 x 2, T = 5: sizes do not match",
         ),  # one track, or d = 1
-        ({"x": STATES, "states": STATES, **BESIDE}, "x and states are alike; leave one out"),
+        ({"x": STATES, "states": STATES, **BESIDE}, "x and states mean the same; leave one out"),
         ({"x": STATES, "t": np.ones((2, 2))}, "t 2 x 2; it must be a vector"),
         (changed(np.nan), 'trajectory 2, step 3 (id "5", t 12): no covariance'),
         (changed([[1, np.nan], [np.nan, 1]]), "cov_xy is blank and other entries"),

@@ -51,7 +51,7 @@ def test_what_it_unpacks_to_is_known_before(
         read("bomb.feather", ReadOptions(max_input=0.1))
     nulls = pa.nulls(10**9)  # of no bytes at all
     feather.write_feather(pa.table({"id": nulls, "t": nulls, "x": nulls}), "none.feather")
-    with pytest.raises(InputError, match=r"1,000,000,000 rows.*allowed are 4 GB"):
+    with pytest.raises(InputError, match=r"1,000,000,000 rows.*but 4 GB are allowed"):
         read("none.feather")
 
 

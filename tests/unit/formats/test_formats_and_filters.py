@@ -173,11 +173,11 @@ def test_invalid_rows_are_left_out_if_that_is_asked(write: Write, tmp_path: Path
         what = f'{where}, column "width": -3 is not a width of a box (and 1 more); it must be >= 0'
         with pytest.raises(InputError) as caught:
             read(path)
-        assert str(caught.value) == f'{path}, {what}; on_invalid="drop" leaves such rows out'
+        assert str(caught.value) == f'{path}, {what}; to leave such rows out, use on_invalid="drop"'
         reading = read(path, ReadOptions(on_invalid="drop"))
         assert (reading.rows, reading.taken, reading.left_out) == (4, 2, {"invalid": 2})
         assert f'2 rows left out by on_invalid="drop": {what}' in reading.notices
-        with pytest.raises(InputError, match=r'on_invalid="drop" leaves such rows out$'):
+        with pytest.raises(InputError, match=r'to leave such rows out, use on_invalid="drop"$'):
             read_trajectories(path)
         side = read_trajectories(path, on_invalid="drop")
         assert len(side.ids) == 1
@@ -200,7 +200,7 @@ def test_kinds_of_invalid_rows(write: Write, invoke: Run) -> None:
     answer = invoke(places, places, "--distance", "haversine")
     assert answer.status == 3
     message = 'p.csv, line 3, column "lat": 95 (and 1 more) must be from -90 to 90 degrees'
-    assert f"{message}; --on-invalid drop leaves such rows out" in answer.err
+    assert f"{message}; to leave such rows out, use --on-invalid drop" in answer.err
     options = ("--distance", "haversine", "--on-invalid", "drop", "--format", "json")
     answer = invoke(places, places, *options)
     document = json.loads(answer.out)
@@ -703,7 +703,7 @@ def test_classes_that_only_one_side_has(invoke: Run, write: Write) -> None:
     estimate = write("e.csv", "id,t,x,class\na,1,0,Car\nc,1,9,car\nb,1,50,van\n")
     answer = invoke(truth, estimate, "--by", "class", "--format", "json")
     assert json.loads(answer.out)["counts"]["missed"] == 1
-    assert 'class "car" is as written, another class than "Car"' in answer.err
+    assert 'class "car" is not the same class as "Car"' in answer.err
     assert "no car, van in the truth, and no Bus here" in answer.err
 
 
@@ -721,7 +721,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
     both = write("b.csv", "id,t,x,class\na,1,0,Car\nb,1,50,car\nc,1,99,bus\n")
     reading = read(both, ReadOptions(classes=("car",)))
     assert list(reading.trajectories.ids) == ["b"]
-    assert 'class "car" is as written; "Car" is another class' in reading.notices
+    assert 'class "car" does not include "Car"' in reading.notices
     reading = read(both, ReadOptions(classes=("car", "Car", "BUS")))
     assert list(reading.trajectories.ids) == ["a", "b", "c"]
     assert 'class "bus" is read as "BUS"' in reading.notices

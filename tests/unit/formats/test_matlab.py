@@ -99,7 +99,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
     savemat("several.mat", {"A": BOTH, "B": BOTH, "k": 3})
     answer = invoke("several.mat", "several.mat:B")
     assert answer.status == 3
-    assert "2 sets of trajectories (A, B); say which, several.mat:A" in answer.err
+    assert "2 sets of trajectories (A, B); name one, such as several.mat:A" in answer.err
     savemat("none.mat", {"k": 3, "s": {"a": 1}, "two": np.array([(1,), (2,)], [("tVec", "O")])})
     answer = invoke("none.mat", "run.mat:Y", "--truth-format", "mat")
     assert answer.status == 3
@@ -150,7 +150,9 @@ def test_damaged_files_and_what_small_ones_unpack_to(tmp_path: Path) -> None:
     saved(path, {"tVec": 1, "iVec": 1, "xState": zeros}, do_compression=True)
     assert path.stat().st_size < 100_000
     assert (read(path).taken, read(path).rows) == (1, 1_000_000)
-    with pytest.raises(InputError, match=r"bytes: reading it needs about .* allowed are 0.05 GB"):
+    with pytest.raises(
+        InputError, match=r"bytes: reading it needs about .* but 0.05 GB are allowed"
+    ):
         read(path, ReadOptions(max_input=0.05))
     # What is no structure is not unpacked at all.
     savemat(path, {"X": BOTH, "large": zeros}, do_compression=True)
@@ -191,7 +193,7 @@ def test_the_process_that_reads(monkeypatch: pytest.MonkeyPatch) -> None:
 
     with monkeypatch.context() as patch:
         patch.setattr("tgospa_eval.formats.matlab.call_in_helper", dies)
-        with pytest.raises(InputError, match=r"ended the process that read it \(status 1\): it is"):
+        with pytest.raises(InputError, match=r"reading it failed \(status 1\): it is"):
             read(RUN)
     with pytest.raises(DiedError):
         call_in_helper(os._exit, 0)
@@ -341,20 +343,20 @@ def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> N
 
 def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"X": BOTH, "Y": np.ones((2, 3)), "k": "text"})
-    both = "a.mat: both sides are its variable X; it has X, Y, k; name both"
+    both = "a.mat: both paths mean its variable X; it has X, Y, k; name both"
     for pair in (("a.mat", "a.mat"), ("a.mat:X", "a.mat"), ("./a.mat", "a.mat:X")):
         for verb in ("evaluate", "explain", "inspect", "gate", "compare", "associate"):
             answer = invoke(verb, *pair, "-c", "10", *(["--max", "total=1"] * (verb == "gate")))
             assert (
                 verb,
                 answer.status,
-                "both sides are its variable X" in answer.err,
+                "both paths mean its variable X" in answer.err,
             ) == (
                 verb,
                 3,
                 True,
             )
-        with pytest.raises(InputError, match="both sides are its variable X"):
+        with pytest.raises(InputError, match="both paths mean its variable X"):
             evaluate(*pair, 10)
     assert both in invoke("a.mat", "a.mat").err
     assert invoke("a.mat:X", "a.mat:X", "-c", "10").status == 0
@@ -518,7 +520,10 @@ def test_cells_by_step_of_toolboxes(tmp_path: Path) -> None:
             {"L": cells([[], [[2]], [[2]], [[2, 2]]])},
             r"X\{4\}: two states have the same label in",
         ),
-        ({"X": cells([[], np.ones((1, 1)), np.ones((2, 1)), []])}, "states of 1, 2 components"),
+        (
+            {"X": cells([[], np.ones((1, 1)), np.ones((2, 1)), []])},
+            "different numbers of components: 1, 2",
+        ),
     ):
         changed = {k: v for k, v in (scene["est"] | change).items() if v is not None}
         savemat(path, {"truth": scene["truth"], "est": changed})

@@ -670,7 +670,7 @@ def test_folder(draw: Draw, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--pictures", "gif"], '--pictures "gif": must be of png, svg, pdf, or none'),
+        (["--pictures", "gif"], '--pictures "gif": must be png, svg, pdf, or none'),
         (["--components", "cost"], '--components "cost": must be of localisation'),
         (["--plane", "x,z"], '--plane "x,z": must be two of x, y, t'),
         (["--style", "poster"], "--style"),

@@ -94,7 +94,7 @@ def test_grid(grid: str, missed: int, false: int, steps: int) -> None:
 
 def test_nothing_counts() -> None:
     """Not 0, the value of a perfect tracker."""
-    with pytest.raises(ConfigError, match='grid="common": no step is left of 2'):
+    with pytest.raises(ConfigError, match='grid="common": none of 2 steps is left'):
         evaluate(side([1]), side([2]), grid="common")
 
 

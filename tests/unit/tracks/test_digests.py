@@ -183,7 +183,7 @@ def test_compare_and_gate_do_not_take_marks_of_estimates(
     own = ("--ignore", "marked-estimates")
     answer = invoke("compare", *sides, *METRIC, *own)
     assert answer.status == 2
-    assert "compare does not take marks of estimates, as a tracker would choose" in answer.err
+    assert "compare does not take marks of estimates, or the tracker would choose" in answer.err
     assert len(answer.err.splitlines()) == 1
     for name, path in zip("ab", sides[1:], strict=True):
         assert invoke(sides[0], path, *METRIC, *own, "-o", name, "--pictures", "none").status == 0

@@ -112,7 +112,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             if clock.declared
             else f"the {clock.source}; {option('period')} declares it"
         )
-        off = f"; {reports - used:,} outside of all steps" if used < reports else ""
+        off = f"; {reports - used:,} count at no step" if used < reports else ""
         single = f" ({clock.single:,} alone)" if clock.single else ""
         yield Notice(
             text="each report of the estimate counts at steps within the period of the tracker, "

@@ -498,7 +498,7 @@ def _read(
         fields = scanned(data, 1, len(names), delimiter, roles, texts=columns, quotes=False)
     if fields is None:
         lines = lines_of(text if whole else decode(data, path))
-        rule = f"line {first} has {len(names)}; give every row as many"
+        rule = f"line {first} has {len(names)}; give every row the same number"
         comments = Comments()
 
         def split_all(several: Iterable[str]) -> Iterator[list[str]]:
