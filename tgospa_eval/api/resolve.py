@@ -173,7 +173,8 @@ def _resolved(options: Request) -> ResolvedRequest:
     if options.by and other_metrics:
         raise ConfigError(
             f"{option('with_')} cannot be combined with {option('by', 'class')}, because it "
-            f"evaluates all classes together; choose one class by {option('class_', metavar='NAME')}"
+            "evaluates all classes together; choose one class by "
+            f"{option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(
