@@ -172,8 +172,9 @@ def _resolved(options: Request) -> ResolvedRequest:
     other_metrics, nees = tuple(name for name in requested if name != NEES), NEES in requested
     if options.by and other_metrics:
         raise ConfigError(
-            f"{option('with_')} cannot be combined with {option('by', 'class')}, because it "
-            f"evaluates all classes together; choose one class by {option('class_', metavar='NAME')}"
+            f"{option('with_')} cannot be combined with {option('by', 'class')}, because "
+            "it evaluates all classes together; "
+            f"choose one class by {option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError(
