@@ -220,7 +220,7 @@ WRONG = (
     (("old", "./old"), "./old: is given twice"),
     (("old", "--baseline", "old"), "old: is given twice"),
     (("old", "--baseline", "old", "--update-baseline"), "is a batch, made by tgospa-eval batch"),
-    (("old", "--update-baseline"), "no baseline; give the file to write"),
+    (("old", "--update-baseline"), "no baseline: give the file to write"),
     (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
 )
 

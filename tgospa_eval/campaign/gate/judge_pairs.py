@@ -163,7 +163,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
             raise ConfigError(f"{option(name)} is for {option('update_baseline')}")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, made by tgospa-eval batch" if path else "no baseline"
-        raise ConfigError(f"{wrong}; give the file to write: {option('baseline', metavar='FILE')}")
+        raise ConfigError(f"{wrong}: give the file to write, {option('baseline', metavar='FILE')}")
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
