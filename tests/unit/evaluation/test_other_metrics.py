@@ -233,7 +233,7 @@ def test_wrong_uses(write: Write, invoke: Invoke) -> None:
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     for words, text in (
         (["--with", "motq"], '--with "motq": must be of hota, clear, identity, gospa'),
-        (["--with", "hota", "--by", "class"], "choose one class by --class NAME"),
+        (["--with", "hota", "--by", "class"], "--class NAME chooses one class"),
         (["--with", "hota", "--sweep", "c=1,2"], "is not supported with --sweep"),
     ):
         answer = invoke(*paths, *words)
