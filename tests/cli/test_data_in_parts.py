@@ -386,7 +386,7 @@ def test_which_folders_and_files_are_read_in_parts(
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
     text = str(tmp_path / "gt.txt")
     Path(text).write_text("1,1,0,0,1,1,1,-1,-1,-1\n")
-    with pytest.raises(ConfigError, match=r'only CSV and Parquet .*: set memory="180MB"'):
+    with pytest.raises(ConfigError, match=r'only CSV and Parquet .*: allow memory="180MB"'):
         in_parts.parts_in_words((text, estimate), Request(memory=1000))
 
     def folder(name: str, *tables: str) -> str:
@@ -656,7 +656,7 @@ def test_a_component_that_does_not_fit_is_refused_with_the_memory_that_it_takes(
     asked = (*folders, *METRIC, "-o", str(tmp_path / "out"), "-q")
     answer = invoke(*asked, "--memory", "400MB")
     assert answer.status == 2
-    proposed = re.search(r"allow (--memory \S+), choose", answer.err)
+    proposed = re.search(r"set (--memory \S+), choose", answer.err)
     assert proposed
     assert "\n" not in answer.err.strip()
     again = invoke(*asked, *proposed[1].split(), "--jobs", "3")  # of which one has to do
@@ -671,7 +671,7 @@ def test_a_limit_below_what_is_needed_is_refused_with_what_works(
         answer = invoke(*folders, *asked, "--memory", "100MB", "-q")
         assert (answer.status, answer.out) == (2, "")
         proposed = re.fullmatch(
-            r"data in parts need at least .*: allow (--memory \d+MB)\n", answer.err
+            r"data in parts need at least .*: set (--memory \d+MB)\n", answer.err
         )
         assert proposed
         assert not (tmp_path / "out" / "work").exists()

@@ -67,8 +67,8 @@ def test_places_that_are_not_known_are_absent(invoke: Run, write: Write, format_
 @pytest.mark.parametrize(
     ("name", "content", "options", "parts"),
     [
-        ("flag.txt", MOT.replace("40,1", "40,yes"), [], ["line 1", "numbers where", "format"]),
-        ("commas.txt", KITTI.format(1, 2, 3).replace(" ", ","), [], ["numbers where", "format"]),
+        ("flag.txt", MOT.replace("40,1", "40,yes"), [], ["line 1", "instead of a", "format"]),
+        ("commas.txt", KITTI.format(1, 2, 3).replace(" ", ","), [], ["instead of a", "format"]),
         ("t.csv.bz2", bz2.compress(TABLE.encode()), [], ["bzip2", "unpack"]),
         ("t.csv", TABLE.encode("utf-32"), [], ["UTF-32", "UTF-8"]),
         ("/dev/zero", None, [], ["/dev/zero: is a device"]),

@@ -270,7 +270,11 @@ def test_invalid_rows_in_every_verb(write: Write, invoke: Run, tmp_path: Path) -
         (
             "1,1,2,3,4,5\n",
             "csv",
-            [", line 1: 6 numbers", "columns in the order of the file", "truth_format"],
+            [
+                ", line 1: the numbers 1, 1, 2, 3, 4, 5",
+                "columns in the order of the file",
+                "truth_format",
+            ],
         ),
         (b"\x00\x01", "motchallenge", ["binary"]),
         (b"PAR1 and no more", None, ["not a readable Parquet file"]),
