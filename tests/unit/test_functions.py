@@ -212,7 +212,7 @@ def test_gate_and_the_command_know_each_other(
         failed = gate(quickstart[0], {}, Path(theirs))
     assert {warning.filename for warning in told} == {__file__}  # where the user can do something
     assert failed.verdict == "fail"
-    assert any("total is at least 9,750, proven" in note for note in failed.notes)
+    assert any("total is at least 9,750 (proven)" in note for note in failed.notes)
     other = gate(*quickstart, theirs, cutoff=9.0)
     assert other.notes == ("cutoff is 9.0, in the baseline 10.0",)
     assert str(other).startswith("gate: not comparable")

@@ -827,7 +827,7 @@ def test_associate_checks_what_it_is_given() -> None:
     laws = Trajectories.from_array(states, covariance=np.eye(2))
     clouds = replace(scene(1, 2, 2), columns=("x", "y"))
     for second, distance, message in (
-        (Trajectories.from_array(states[:1]), "euclidean", "on different times"),
+        (Trajectories.from_array(states[:1]), "euclidean", "have different times"),
         (Trajectories.from_array(states, ("y", "x")), "euclidean", "in different orders"),
         (Trajectories.from_array(states, ("y", "z")), "euclidean", 'first has a column "x"'),
         (laws, "cloud-wasserstein", "second has covariances, not particles"),
