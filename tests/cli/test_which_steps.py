@@ -231,7 +231,7 @@ def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) 
     assert (
         "no ranking: not judged on the same steps and truth (alive, alive.csv: 45 truth states at "
         "15 of 15 steps; dead, dead.csv: 30 truth states at 10 of 10 steps); evaluate all on a "
-        "common clock, --resample, or with"
+        "common clock, by --resample, or with"
     ) in answer.err
     gate = ("gate", "truth.csv", "alive.csv", "--baseline", "base.json", *clock, "-q")
     assert invoke(*gate, "--update-baseline").status == 0

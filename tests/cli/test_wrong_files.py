@@ -128,7 +128,7 @@ def test_folders_of_sequences(invoke: Run, tmp_path: Path, monkeypatch: pytest.M
         "for all 2: tgospa-eval batch --truth 'gt/{name}/gt/gt.txt' --estimate 'res/{name}.txt' "
         "-o results"
     )
-    suite = '[[pair]] truth = "gt/{name}/gt/gt.txt", estimate = "res/{name}.txt"'
+    suite = '[[pair]] with truth = "gt/{name}/gt/gt.txt" and estimate = "res/{name}.txt"'
     for paths in (("gt", "res"), ("gt/*/gt/*.txt", "res/*.txt"), (".", "res/")):
         answer = invoke(*paths)
         assert (answer.status, answer.out) == (3, "")
