@@ -176,7 +176,7 @@ def test_wrong_use(invoke: Invoke, runs: None) -> None:
     assert "--scheduler nonsense: no Dask scheduler answers: missing port number" in answer.err
     answer = invoke("batch", *PATTERNS, "-o", "r", *scheduler, "--workers", "3")
     assert answer.status == 2
-    assert "--workers is for processes" in answer.err
+    assert "leave out --workers" in answer.err
 
 
 # --- data in parts --------------------------------------------------------------------------------

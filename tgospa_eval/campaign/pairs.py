@@ -464,7 +464,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         if near is not None:
             raise InputError(
                 f"{path}, line 1: column {quoted(name)} is not an option; did you mean {near}? "
-                "For a label, choose a name that is less like an option"
+                "If it is a label of the jobs, give it a name that is less like an option"
             )
     jobs, faults = [], []
     for line, row in zip(lines[1:], rows[1:], strict=True):

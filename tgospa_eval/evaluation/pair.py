@@ -64,8 +64,8 @@ class PairEvaluation(Evaluation):
     source : pair of AlignedPair and EvaluationRequest, optional
         Data and request of the evaluation.
     assigned : mapping of str to (N,) float array
-        Further columns of the table of assignments, which has N rows: parts of the cost, and
-        ``nees``.
+        Further columns of the table of assignments: parts of the cost, and ``nees``. The table has
+        N rows.
     explained : Explanation, optional
         Repairs that would save the most, if requested.
     """
@@ -156,11 +156,12 @@ class PairEvaluation(Evaluation):
         return table | self._of_assigned(side, len(ids)) | self.summarised.columns(f"per_{side}")
 
     def step_numbers(self) -> Arrays:
-        """Return the numbers of each step that add up over the steps, (T,) each.
+        """Return counts and sums for each step, (T,); their sums over the steps are the totals.
 
         ``truth_states``, ``estimate_states`` and ``assigned_states`` are those of the summary. If
         there are covariances, ``nees.total`` is the sum of NEES, and ``nees.pairs`` is the number
-        of pairs in it. If requested, ``gospa`` and its parts are in state units to the power p.
+        of pairs in it. If GOSPA is requested, there are ``gospa`` and its parts, in state units to
+        the power p.
         """
         size, tracked = len(self.labels.times), Tracked.of(self.proof)
         step, weight = tracked.truth.step, tracked.weight

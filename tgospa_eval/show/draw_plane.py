@@ -1,8 +1,9 @@
 """Trajectories in the plane, with marks of missed targets, false targets and switches.
 
 A state can have a shape around it: a box, an ellipse of its covariance, or an interval if one axis
-is the time. An association also has gates: ellipses in which the partner of a state can be. A
-second panel enlarges the surroundings of the assigned pair with the largest distance.
+is the time. A picture of an association (the command ``associate`` pairs the states of two sensors)
+also has gates: ellipses in which the partner of a state can be. A second panel enlarges the
+surroundings of the assigned pair with the largest distance. A *side* is the truth or the estimate.
 """
 
 import math
@@ -173,7 +174,7 @@ def surroundings(
     """Draw the shapes and particles of states; return entries of the legend.
 
     `rows` are the states of each side, and `speck` is the area of a particle of mean weight. A note
-    in the corner tells the numbers of drawn and of all shapes and particles.
+    in the corner tells how many of the shapes, and how many of the particles, are drawn.
     """
     handles: dict[str, Artist] = {}
     counts: list[str] = []
@@ -619,7 +620,9 @@ LOOKS = (
 estimate."""
 
 NAMED = 30
-"""Largest number of trajectories whose ids are written; in a picture of a result, for each side."""
+"""Largest number of trajectories whose ids are written.
+
+In a picture of a result, this limit holds for each side separately."""
 
 PRESENCE = "trajectory"
 """Name of the vertical axis in the panel over time. Each trajectory is a line in this panel."""

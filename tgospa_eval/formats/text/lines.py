@@ -270,8 +270,9 @@ def blocks_of(
     comments : Comments
         Counter of the comments.
     delimiter : str
-        Delimiter, if `split` splits lines only at this delimiter. Plain lines of a block are then
-        split all at once, in half the time. With `BLANKS`, only `split` is used.
+        Delimiter of `split`, if it splits lines at one delimiter only: lines without quotes and
+        comments are then split all at once, in half the time. Otherwise `BLANKS`: all lines are
+        split by `split`.
     quotes : bool
         Whether the text has quotes, so that fields can have line ends.
 
@@ -422,7 +423,8 @@ def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int,
 
 def _without_blank_rows(fields: Fields, roles: Roles) -> tuple[Fields, Roles]:
     """Leave out rows without any value, such as ``,,,`` of spreadsheets, with a notice."""
-    columns = [fields.coded[roles.id], *fields.coded.values()]  # hardly an id is blank
+    columns = [fields.coded[roles.id], *fields.coded.values()]
+    # Ids come first: they are rarely blank, so the loop usually ends at once.
     empty = np.ones(len(fields.values), bool)
     empty[[row for _, row, _ in fields.mistakes]] = False
     for texts in columns:
@@ -517,7 +519,7 @@ def plain_id(text: str) -> str:
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii() or is_rounded(text):
         return text
-    from decimal import Decimal  # lazy: slow to import, and few numbers are ids
+    from decimal import Decimal  # lazy: slow to import, and few ids are written like 3.0
 
     try:
         if not math.isfinite(float(text)):
