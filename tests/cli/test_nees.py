@@ -40,7 +40,7 @@ def write_sides(name: str, error: float, claimed: float, seed: int = 3, tracks: 
 
 
 @pytest.mark.parametrize("asked", [GAUSSIAN, ("--with", "nees")])
-@pytest.mark.parametrize(("rows", "entries"), [(120, 10**6), (10**6, 180)])
+@pytest.mark.parametrize(("rows", "entries"), [(40, 10**6), (10**6, 60)])
 def test_data_in_parts_have_the_numbers_of_files_in_memory(
     invoke: Invoke,
     monkeypatch: pytest.MonkeyPatch,

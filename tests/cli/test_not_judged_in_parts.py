@@ -69,7 +69,7 @@ def small(rows: int, shard: int) -> Iterator[None]:
 
 
 def both(
-    invoke: Invoke, folder: Path, *asked: str, sizes: tuple[int, int] = (60, 50)
+    invoke: Invoke, folder: Path, *asked: str, sizes: tuple[int, int] = (30, 25)
 ) -> tuple[Any, Any]:
     """The documents of one file a side and of parts; numbers that must be the same are."""
     names = ("truth", "estimate")
@@ -119,7 +119,7 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
     assert other["ignored"] == one["ignored"]
     assert sum(one["ignored"].values()) > 0
     for name in TABLES:
-        place = "60-50" + ("/assignments" if name == "assignments" else f"/{name}.parquet")
+        place = "30-25" + ("/assignments" if name == "assignments" else f"/{name}.parquet")
         table = without_summary(pd.read_csv(f"whole/{name}.csv"))
         stored = pd.read_parquet(place)
         assert [*table] == [*stored], name
